@@ -9,7 +9,7 @@ from shsa_core.healing.duties import duties_of
 from shsa_core.healing.naming import Names
 from shsa_core.model.som import Som
 
-SOM = Som([service("a", A, needed=True), service("b", B)])
+SOM = Som([service("a", A, needed=True, derived_from=("b",)), service("b", B)])
 Listed = Set[Tuple[str, str]]
 
 
@@ -62,7 +62,8 @@ def test_what_the_master_lists_tells_the_duties(
     [
         ("/cmd_vel", "test_msgs/Any", "takes /cmd_vel"),
         ("/arm/command", "test_msgs/Any", "takes /arm/command"),
-        ("/drive", "geometry_msgs/TwistStamped", "takes /drive"),
+        ("/drive", "geometry_msgs/Twist", "takes /drive"),
+        ("/measured", "geometry_msgs/TwistStamped", ""),
         ("/recommended", "nav_msgs/Odometry", ""),
         ("/moves", "geometry_msgs/TwistWithCovarianceStamped", ""),
     ],
@@ -71,9 +72,31 @@ def test_who_takes_commands_has_a_duty_where_the_som_knows_them_too(
     topic: str, type_: str, expected: str
 ) -> None:
     commands = replace(service("commands", B), topic=topic, type=type_)
-    som, told = Som([service("a", A), commands]), frozenset({("/a", A), (topic, B)})
-    found = duties_of(som, Names("/"), told, frozenset({(topic, A), (topic, B)}), frozenset())
+    a, told = service("a", A, derived_from=("commands",)), frozenset({("/a", A), (topic, B)})
+    som, heard = Som([a, commands]), frozenset({(topic, A), (topic, B)})
+    found = duties_of(som, Names("/"), told, heard, frozenset())
     assert found.get(A, ()) == ((expected,) if expected else ())
+
+
+@pytest.mark.parametrize("gives", [True, False])
+@pytest.mark.parametrize("type_", ["std_msgs/Float64", "geometry_msgs/TwistStamped"])
+@pytest.mark.parametrize("derived_from", [("target",), ("/target",), ("/other",), ()])
+def test_what_another_node_says_is_a_command_unless_the_values_are_derived_from_it(
+    derived_from: Tuple[str, ...], type_: str, gives: bool
+) -> None:
+    """Of any name, and though who gives it does not listen, or is not there."""
+    target = replace(service("target", B), topic="/target", type=type_)
+    som = Som([service("a", A, derived_from=derived_from), target])
+    told = frozenset({("/a", A), *([("/target", B)] if gives else [])})
+    found = duties_of(som, Names("/"), told, frozenset({("/target", A)}), frozenset())
+    assert duties_of(som, Names("/"), told, frozenset({("/other", A)}), frozenset()) == (
+        {} if derived_from == ("/other",) else {A: ("takes /other",)}
+    )
+    measured = bool({"target", "/target"} & {*derived_from})
+    assert found.get(A, ()) == (() if measured else ("takes /target",))
+    own = Som([service("a", A)])
+    heard = frozenset({("/a", A)})
+    assert duties_of(own, Names("/"), heard | {("/a", "/stranger")}, heard, frozenset()) == {}
 
 
 @pytest.mark.parametrize("topic", ["/arm/elbow_controller/command", "/left_wheel/target", "/x"])

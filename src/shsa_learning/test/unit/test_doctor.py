@@ -145,6 +145,38 @@ def test_check_tells_beside_a_robot_that_runs_whom_healing_keeps(
     assert found == ([said] if kept else [])
 
 
+@pytest.mark.parametrize(
+    "topic, derived_from, said",
+    [
+        ("/imu", (), True),
+        ("/imu", ("/scan",), True),
+        ("/imu", ("imu",), False),
+        ("/imu", ("/imu",), False),
+        ("/cmd_vel", (), False),  # the other warning tells of it
+        ("/nobody_hears_it", (), False),
+    ],
+)
+def test_check_tells_beside_a_robot_that_runs_what_is_not_said_to_be_derived(
+    topic: str, derived_from: Any, said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    checks = pytest.importorskip("shsa_learning.ros.checks")
+    heard = [["/imu", ["/base"]], ["/cmd_vel", ["/base"]], ["/odom", ["/imu", "/rviz"]]]
+    listed: Any = [[["/odom", ["/base"]], [topic, ["/imu"]]], heard, []]
+    master = SimpleNamespace(getSystemState=lambda: listed)
+    monkeypatch.setattr(checks, "master_api", lambda _: master)
+    base = replace(ODOMETRY, derived_from=derived_from, contain=Contain.NONE)
+    imu = replace(ODOMETRY, name="imu", topic=topic, node="/imu", derived_from=("odometry",))
+    second = replace(base, name="speed", topic="/speed", derived_from=())
+    som = Som([base, second, replace(imu, contain=Contain.NONE)])
+    found = [f"{each.what}. {each.todo}" for each in checks.check_running(som, "/")]
+    assert bool(found) is said and len(found) < 2
+    if said:
+        assert (
+            "/base subscribes to imu, and no `derived" in found[0]
+            and "derived_from: [imu]" in found[0]
+        )
+
+
 def test_check_finds_nothing_where_no_robot_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     checks = pytest.importorskip("shsa_learning.ros.checks")
     refuse = Mock(side_effect=ConnectionRefusedError)

@@ -19,8 +19,8 @@ OWN_SERVICES = (
     *("list", "load_nodelet", "unload_nodelet"),
 )
 OF_ACTION = ("/goal", "/cancel", "/status", "/feedback", "/result")
-COMMANDS = re.compile(r"[/_](cmd|command|setpoint)|/(Twist|Ackermann.*|JointTrajectory)(Stamped)?$")
-"""In the topic, or the type, of what a node is told to do: the SOM may have it as a service."""
+COMMANDS = re.compile(r"[/_](cmd|command|setpoint)|/(Twist|Ackermann.*|JointTrajectory)$")
+"""In the topic, or the type, of what a node is told to do, though its values be derived from it."""
 MOST = 3  # names of each kind
 
 
@@ -29,13 +29,16 @@ def duties_of(
 ) -> Dict[str, Tuple[str, ...]]:
     """Return the duties, in words, of each node that publishes a service and has any.
 
-    A node of the SOM that is gone keeps those that it `had`: it may soon be back.
+    What it hears of another node is told to it, unless the SOM says that its values are derived
+    from that. A node of the SOM that is gone keeps those that it `had`: it may soon be back.
     """
     by_node = lambda pairs: _grouped((node, name) for name, node in pairs)
     published, subscribed, served = map(by_node, (publishers, subscribers, services))
     listeners, publishing = map(_grouped, (subscribers, publishers))
     named = {topic for each in som for topic in (each.topic, each.heard)}
     orders = {each.heard for each in som if is_command(each)}
+    read = read_by(som)
+    givers = _grouped((topic, each.node) for each in som for topic in each.topics)
     gone = {each.node for each in som} - {node for _, node in publishers}
     found = {node: duties for node, duties in had.items() if node in gone}
 
@@ -49,8 +52,13 @@ def duties_of(
             continue
         says = others(published[node])
         users = names.consumers({n for t in published[node] & named for n in listeners[t]} - {node})
-        told = {t for t in subscribed[node] & named if t in orders or publishing[t] & {*users}}
-        hears = others(subscribed[node]) | told
+        gives = lambda topic: topic not in read[node] and givers[topic] - {node}
+        told = {
+            topic
+            for topic in subscribed[node] & named
+            if topic in orders or gives(topic) or publishing[topic] & {*users}
+        }
+        hears = others(subscribed[node]) - read[node] | told
         actions = {t[:-5] for t in hears if t.endswith("/goal") and t[:-5] + "/result" in says}
         asks = {topic[:-5] for topic in says if topic.endswith("/goal")}
         parts = {name + end for name in actions | asks for end in OF_ACTION}
@@ -77,6 +85,13 @@ def subscribers_of(som: Som, subscribers: Pairs) -> Dict[str, Tuple[str, ...]]:
     """Return the nodes that subscribe to each service's topic."""
     by_topic = _grouped(subscribers)
     return {each.heard: tuple(sorted(by_topic[each.heard])) for each in som}
+
+
+def read_by(som: Som) -> Mapping[str, Set[str]]:
+    """Return the topics that the values of each node are computed from, as the SOM says."""
+    pairs = ((each.node, name) for each in som for name in each.derived_from)
+    topics = lambda name: som.services[name].topics if name in som.services else (name,)
+    return _grouped((node, topic) for node, name in pairs for topic in topics(name))
 
 
 def _grouped(pairs: Iterable[Tuple[str, str]]) -> DefaultDict[str, Set[str]]:

@@ -3,7 +3,7 @@ import json
 import math
 import re
 import textwrap
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 
 import networkx as nx
@@ -121,16 +121,19 @@ def _text(lines: Sequence[str]) -> str:
 def _by_graph(services: List[str], survey: Survey, listed: Listed) -> List[str]:
     """Return the services with what the graph tells of their nodes.
 
-    One with duties is not killed. What it publishes may be computed from what it subscribes to: a
-    substitute that reads the one for the other would hear itself.
+    What a service publishes may be computed from what its node subscribes to: a substitute that
+    reads the one for the other would hear itself. One with duties is not killed.
     """
     if not services:
         return []
     publishers = listed[0] | {(each.topic, each.node) for each in survey.refused}
     publishers |= {(each.publisher.topic, each.publisher.node) for each in survey.facts}
-    som, _ = read_tree(parse_yaml(_text(["services:", *services]), "the draft"))
+    read, _ = read_tree(parse_yaml(_text(["services:", *services]), "the draft"))
+    reads = _reads(read, listed[1])
+    som = read.with_services(
+        replace(each, derived_from=tuple(reads.predecessors(each.name))) for each in read
+    )
     duties = duties_of(som, Names("/"), publishers, *listed[1:])
-    reads = _reads(som, listed[1])
     told: List[List[str]] = []
     for service in som:
         lines = []
@@ -138,10 +141,10 @@ def _by_graph(services: List[str], survey: Survey, listed: Listed) -> List[str]:
         if reason:
             why = f"it {shown(reason, LONGEST)}, which nothing takes over"
             lines.append(f"    contain: none  # {why}")
-        names = list(reads.predecessors(service.name))
-        if names:
+        if service.derived_from:
+            names = ", ".join(service.derived_from)
             why = "its node subscribes to them: keep those that it is computed from"
-            lines.append(f"    derived_from: [{', '.join(names)}]  # {why}")
+            lines.append(f"    derived_from: [{names}]  # {why}")
         told.append(lines)
     found = iter(told)
     return [new for line in services for new in (*(next(found) if line == PROVIDES else ()), line)]
