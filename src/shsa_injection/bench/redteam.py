@@ -17,10 +17,12 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Sequence, Set, Tuple
 
 import psutil
+import rospy
 from shsa_msgs.msg import Float64Stamped
 from tabulate import tabulate
 from tqdm import tqdm
@@ -32,11 +34,21 @@ from shsa_testing.processes import running
 from shsa_testing.waiting import wait_until
 
 from redteam_attacks import ATTACKS
+from redteam_attacks.target import GATE
 
 ROBOT, STRANGER = 4001, 4002
 DATA = PACKAGE / "test" / "data"
 NODES = {"source": 1.0, "spare": 1.0, "hot": 10.0, "warm": 10.0, "cold": 10.0, "again": 10.0}
-AGAIN = """\
+MORE = """\
+  gated:
+    topic: /gated
+    gate: /gated/raw
+    type: shsa_msgs/Float64Stamped
+    node: /gated_node
+    period: 0.02
+    needed: false
+    provides:
+      by_gated: {field: data, range: [0, 100]}
   again:
     topic: /again
     type: shsa_msgs/Float64Stamped
@@ -47,15 +59,19 @@ AGAIN = """\
     provides:
       by_again: {field: data, range: [0, 100]}
 """
+PROPERTIES = 'properties:\n  by_again: {unit: ""}\n  by_gated: {unit: ""}\n'
+GATED = 5.0
 ATTACKED = "warm", "again"
 """Nodes that fail, or whose names are taken: the master itself ends who had the name before."""
-HEALERS = "/monitor", "/reconfigurator"
+HEALERS = "/monitor", "/reconfigurator", GATE
 MOST_MEMORY_MB, MOST_PROCESSOR, MOST_SLOWER = 64.0, 0.1, 2.0
+MOST_SILENT_S = 1.0
+"""The gate, on a busy computer."""
 SURE_S = 0.1
 """So much a failover may take longer because of a busy computer alone."""
 LOOK_S, IDLE_S, SHORT_S = 0.1, 3.0, 3.0
 SHORT_GROUPS, USUAL = 3, 3
-ATTACKERS = Path(__file__).with_name("redteam_attacks.py")
+ATTACKERS = "redteam_attacks"
 COLUMNS = ("attack", "tries", "outage ms, usually", "memory MB", "processor %", "result")
 
 
@@ -113,19 +129,26 @@ class Robot:
         words = as_user(ROBOT, self.home)
         self._ours = lambda *command: graph.start(*words, *command)
         self.nodes = {name: self._node(name) for name in NODES}
+        self._node("gated", "/gated/raw", GATED)
         models = self._models()
         self.innocent = self._ours(sys.executable, "-m", "http.server", "0", "--bind", "127.0.0.1")
         self._launch = self._ours(
             *("roslaunch", "shsa_core", "shsa.launch", *models, "hold_off:=0.5", "switches:=0"),
         )
         self.records = {f"/{each}": TopicRecord(f"/{each}", Float64Stamped) for each in NODES}
-        graph.healing.await_available(*self.records, seconds=60.0)
+        gate = "rosrun", "shsa_core", "gate", "gated", "--som", models[1][len("som:=") :]
+        self._ours(*gate, f"__name:={GATE[1:]}")
+        self.passed: List[Tuple[float, float]] = []
+        rospy.Subscriber("/gated", Float64Stamped, self._passed, tcp_nodelay=True)
+        graph.healing.await_available(*self.records, "/gated/raw", seconds=60.0)
         wait_until(self._ready, 60.0, "substitutes stand by")
         self._ours(
             *("roslaunch", "shsa_view", "view.launch", *models),
             *(f"view_port:={os.environ['VIEW_PORT']}", "actions:=true"),
         )
         wait_until(_view_listens, 60.0, "the view is there")
+        wait_until(lambda: self.passed, 60.0, "the gate lets pass")
+        os.environ["HEARTS"] = " ".join(_hearts())
         self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
         self.idle = self.rates(IDLE_S)
         self.price = {name: 0.0 for name in HEALERS}  # of one failure, in s
@@ -140,8 +163,8 @@ class Robot:
         """Return the arguments for an ontology and a SOM with a node that is started again."""
         files = []
         for name, old, new in (
-            ("takeover.yaml", "properties:\n", 'properties:\n  by_again: {unit: ""}\n'),
-            ("takeover_som.yaml", "services:\n", f"services:\n{AGAIN}"),
+            ("takeover.yaml", "properties:\n", PROPERTIES),
+            ("takeover_som.yaml", "services:\n", f"services:\n{MORE}"),
         ):
             files.append(self.home / name)
             files[-1].write_text((DATA / name).read_text("utf-8").replace(old, new), "utf-8")
@@ -149,9 +172,15 @@ class Robot:
             files[-1].chmod(0o600)
         return f"ontology:={files[0]}", f"som:={files[1]}"
 
-    def _node(self, name: str) -> "subprocess.Popen[str]":
+    def _node(self, name: str, topic: str = "", value: float = 0.0) -> "subprocess.Popen[str]":
         words = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name}_node"]
-        return self._ours(*words, f"_topic:=/{name}", f"_value:={NODES[name]}")
+        given = f"_topic:={topic or '/' + name}", f"_value:={value or NODES[name]}"
+        return self._ours(*words, *given)
+
+    def _passed(self, message: Float64Stamped) -> None:
+        """Note what the gate lets pass."""
+        if message._connection_header["callerid"] == GATE:
+            self.passed.append((time.monotonic(), message.data))
 
     def _ready(self) -> bool:
         rows = self.graph.healing.substitutions
@@ -223,7 +252,19 @@ class Robot:
         rows = [each.info for each in psutil.process_iter(["uids", "cmdline"])]
         words = [row["cmdline"] or [] for row in rows if row["uids"].real == ROBOT]
         servers = [each for each in words if "http.server" in each]
-        return len(servers) > 1 or any(str(ATTACKERS) in each for each in words)
+        return len(servers) > 1 or any(ATTACKERS in each for each in words)
+
+    def gate_faults(self, since: float, timed: bool) -> List[str]:
+        """Return what the gate has done wrong since a moment."""
+        passed = [each for each in self.passed if each[0] >= since]
+        times = [since, *(at for at, _ in passed), time.monotonic()]
+        silent = max(later - at for at, later in zip(times, times[1:]))
+        faults = []
+        if any(value != GATED for _, value in passed):
+            faults.append("the gate let a stranger's value pass")
+        if timed and silent > MOST_SILENT_S:
+            faults.append(f"the gate was silent for {silent:.1f} s")
+        return faults
 
     def is_known(self) -> bool:
         """Return whether the secret is in what a stranger has kept."""
@@ -236,6 +277,21 @@ class Robot:
         """Remove what it left; the graph ends its processes."""
         for folder in (self.home, self.theirs):
             shutil.rmtree(str(folder), ignore_errors=True)
+
+
+def _hearts() -> Set[str]:
+    """Return the addresses at which processes of the robot hear who hears their signs of life.
+
+    Anybody can list them; whose they are we tell, so that nobody else's are flooded.
+    """
+    rows = [line.split() for line in Path("/proc/net/unix").read_text("ascii").splitlines()[1:]]
+    named = {f"socket:[{row[6]}]": row[7][1:] for row in rows if len(row) > 7 and row[7][0] == "@"}
+    own = [e.pid for e in psutil.process_iter(["uids"]) if e.info["uids"].real == ROBOT]
+    targets: Set[str] = set()
+    for pid in own:
+        with suppress(OSError):  # it may have ended
+            targets |= {os.readlink(str(path)) for path in Path(f"/proc/{pid}/fd").iterdir()}
+    return {named[target] for target in targets if target in named}
 
 
 def _view_listens() -> bool:
@@ -277,7 +333,7 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     """
     innocent = robot.innocents()
     before, began, peak = robot.use(), time.monotonic(), Peak(robot)
-    words = [*as_user(STRANGER, robot.theirs), sys.executable, str(ATTACKERS)]
+    words = [*as_user(STRANGER, robot.theirs), sys.executable, "-m", ATTACKERS]
     given = [str(seconds), str(robot.theirs), str(robot.innocent.pid)]
     start = lambda name: robot.graph.start(*words, name, *given, heard=True)
     attackers = [start(name) for name in names]
@@ -287,7 +343,9 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     peak.end()
     took, after = time.monotonic() - began, robot.use()
     spent = {e: after[e].processor - before[e].processor - robot.price[e] for e in HEALERS}
-    processor = max(spent[each] / took - robot.idle[each] for each in HEALERS)
+    shares = {each: spent[each] / took - robot.idle[each] for each in HEALERS}
+    worst = max(shares, key=lambda each: shares[each])
+    processor = shares[worst]
     memory = max(peak.memory[each] - before[each].memory for each in HEALERS)
     faults = [f"{' '.join(_named(each))} was ended" for each in innocent if not running(each)]
     if (robot.theirs / "ran").exists():
@@ -304,10 +362,11 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     if memory > MOST_MEMORY_MB:
         faults.append("too much memory")
     if usual and processor > MOST_PROCESSOR:
-        faults.append("too much processor time")
+        faults.append(f"too much processor time: {worst}")
     faults += [
         f"{topic} was blamed" for topic in sorted(robot.blamed() - {f"/{e}" for e in ATTACKED})
     ]
+    faults += robot.gate_faults(began, bool(usual))
     for name, count in zip(names, said):
         if count == "0":
             faults.append(f"nothing was tried: {name}")
