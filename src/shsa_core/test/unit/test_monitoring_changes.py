@@ -76,6 +76,44 @@ def test_what_it_conforms_to_counts_at_once(bench: Bench, changed: Service, weak
     assert bench.failures == []
 
 
+def test_a_longer_period_blames_nobody_for_the_rate_of_the_file() -> None:
+    """With 0.029 s more than 51.7 Hz would be too many: a healthy node has that for a second."""
+    bench = streaming()
+    bench.watch(service(period=0.029, weakened="period", fastest=PERIOD))
+    assert not bench.refused
+    bench.stream(100, period=0.8 * PERIOD)
+    assert bench.failures == [] and bench.state() == "healthy"
+    bench.stream(200, period=0.4 * PERIOD)
+    assert bench.kinds() == [(NODE, "rate_high")]
+
+
+def test_what_is_weaker_than_the_file_is_told_with_that(bench: Bench) -> None:
+    """Also where it is less than before: the sum counts."""
+    bench.watch(service(provision(range=(-5.0, 90.0)), weakened="range"))
+    changed = service(provision(range=(-5.0, 70.0)), weakened="range: 70")
+    said = bench.send(SomChanged(bench.now, Som([changed])))
+    (told,) = (each for each in said if isinstance(each, Told))
+    assert told.warning and told.text.endswith("it allows more than the SOM file: range: 70")
+    said = bench.send(SomChanged(bench.now, Som([service()])))
+    (told,) = (each for each in said if isinstance(each, Told))
+    assert not told.warning and "allows more" not in told.text
+
+
+def test_the_mark_goes_once_the_file_says_the_same(bench: Bench) -> None:
+    wide = service(provision(range=(-5.0, 90.0)))
+    bench.watch(replace(wide, weakened="range"))
+    said = bench.send(SomChanged(bench.now, Som([wide])))
+    assert not any(isinstance(each, Told) for each in said) and counts(bench, wide)
+
+
+def test_a_refused_change_keeps_its_mark(bench: Bench) -> None:
+    wide = service(provision(range=(-5.0, 90.0)), weakened="range")
+    bench.watch(wide)
+    bench.stream(10, value=80.0)
+    bench.watch(service())
+    assert bench.refused[0].service == wide == bench.core.service_of(TOPIC, NODE)
+
+
 def test_a_rate_is_refused_where_few_messages_came_before() -> None:
     for count in range(2, 40):
         bench = Bench()

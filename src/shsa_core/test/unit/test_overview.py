@@ -261,3 +261,15 @@ def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int
     assert (second.name, second.level, second.message) == ("other", OK, "well")
     for each in (first, second):
         assert ("its node also", " and ".join(DOES)) in [(v.key, v.value) for v in each.values]
+
+
+def test_what_live_parameters_allow_is_a_warning_until_it_is_taken_back() -> None:
+    bench, rows = streaming(), MonitorRows()
+    bench.watch(service(provision(range=(-5.0, 90.0)), weakened="range: 90"))
+    status = statuses(bench, rows)["current"]
+    assert status.level == WARN and "allows more than the SOM file: range: 90" in status.message
+    assert {e.key: e.value for e in status.values}["allows more than the SOM file"] == "range: 90"
+    bench.watch(service())
+    status = statuses(bench, rows)["current"]
+    assert (status.level, status.message) == (OK, "healthy")
+    assert not any("allows" in each.key for each in status.values)

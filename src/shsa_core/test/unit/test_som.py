@@ -213,8 +213,9 @@ def test_figures_of_a_value_outlast_the_parameter_server() -> None:
     provides = tree["services"]["v"]["provides"]["v"]
     assert provides["error"] == FIGURES and "quality" not in provides
     assert merge_parameters(som, tree) == (som, [])
-    provides["error"]["rms"] = 1.0  # the quality follows
-    assert merge_parameters(som, tree)[0].sources[0].quality == 0.5
+    provides["error"]["rms"] = 1.0
+    assert som_of(tree).sources[0].quality == 0.5  # it follows
+    assert "in the SOM file alone" in merge_parameters(som, tree)[1][0].what
     provides["error"]["rms"] = -1
     merged, errors = merge_parameters(som, tree)
     assert merged == som

@@ -36,9 +36,9 @@ def test_parameters_are_plain_and_give_the_same_som(good: Som) -> None:
 
 def test_a_number_is_one_parameter(good: Som) -> None:
     tree: Any = som_parameters(good)
-    tree["services"]["odometry"]["period"] = 0.05
+    tree["services"]["odometry"]["period"] = 1.5
     som, errors = merge_parameters(good, tree)
-    assert errors == [] and som.services["odometry"].period == 0.05
+    assert errors == [] and som.services["odometry"].period == 1.5
     assert [each.name for each in som if each != good.services[each.name]] == ["odometry"]
 
 
@@ -47,6 +47,7 @@ def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> 
     others: Dict[str, Any] = {"topic": "/x", "type": "a/B", "node": "/x", "policy": "restart"}
     others.update(contain="none", gate="/t/raw")
     others.update(needed=True, deadline=9.0, checks={"rate_low": False})
+    others.update(fails_with=["usb_hub"], derived_from=["/odometry_raw"])
     others.update(host="pi", placement={"forbid": ["pi"]}, on_partition="wait")
     hosts: Dict[str, Dict[str, float]] = {"pi": {}, "board": {"cores": 2.0}}
     old = som_of({**changed("period", 0.1), "hosts": hosts})
@@ -82,6 +83,53 @@ def test_parameters_make_a_range_only_wider_than_in_the_file(good: Som) -> None:
     assert merge_parameters(good, tree, current=wider) == (good, [])
     value["checks"] = {"jump": 1.0}
     assert "in the SOM file alone" in merge_parameters(good, tree)[1][0].what
+
+
+def test_small_steps_never_lead_to_less_than_the_file_allows(good: Som) -> None:
+    """Four steps, each small, of each number: only those the other way count."""
+    live = good
+    for step in range(1, 5):
+        tree: Any = som_parameters(live)
+        current = tree["services"]["current"]
+        current["period"] = 0.02 * (1 - step / 20)
+        current["provides"]["battery_current"]["range"] = [-5.0 + step, 60.0 - step]
+        live, errors = merge_parameters(good, tree, current=live)
+        assert live == good and len(errors) == 1
+    for step in range(1, 5):
+        tree["services"]["current"]["period"] = 0.02 * (1 + step / 20)
+        tree["services"]["current"]["provides"]["battery_current"]["range"] = [-5.0 - step, 60.0]
+        live, errors = merge_parameters(good, tree, current=live)
+        assert errors == [] and live.services["current"].fastest == 0.02
+    tree["services"]["current"]["period"] = 0.019
+    assert "only the SOM file can make it shorter" in merge_parameters(good, tree)[1][0].what
+
+
+def test_what_allows_more_than_the_file_is_marked_until_it_is_taken_back(good: Som) -> None:
+    tree: Any = som_parameters(good)
+    service = tree["services"]["current"]
+    service["period"] = "none"
+    service["provides"]["battery_current"]["range"] = [-5.0, 90.0]
+    live, _ = merge_parameters(good, tree)
+    assert live.services["current"].weakened == (
+        "period: none (in the SOM file 0.02), "
+        "range of battery_current: (-5.0, 90.0) (in the SOM file (-5.0, 60.0))"
+    )
+    service["provides"]["battery_current"]["range"] = [-5.0, 60.0]
+    live, _ = merge_parameters(good, tree, current=live)
+    assert live.services["current"].weakened == "period: none (in the SOM file 0.02)"
+    service["period"] = 0.02
+    assert merge_parameters(good, tree, current=live) == (good, [])
+
+
+@pytest.mark.parametrize("error", [{"rms": 0.001}, {"rms": 0.001, "p95": 0.002}])
+def test_an_error_that_convicts_sooner_comes_from_the_file_alone(error: Any) -> None:
+    old = som_of(changed("period", 0.1))
+    tree: Any = som_parameters(old)
+    for name, service in tree["services"].items():
+        for value in service["provides"].values():
+            value["error"] = error
+    som, errors = merge_parameters(old, tree)
+    assert som == old and "error of" in errors[0].what and "file alone" in errors[0].what
 
 
 def test_what_was_valid_last_stays(good: Som) -> None:

@@ -112,13 +112,15 @@ class IncidentTold:
 class Figures:
     """A service on /diagnostics, for display: rates in Hz by publisher, newest values.
 
-    `values` are by property, in its unit; `bridged`: how often a late message was filled in for.
+    `values` are by property, in its unit; `bridged`: how often a late message was filled in for;
+    `weakened`: what live parameters allow beyond the SOM file, in words.
     """
 
     service: str
     rates: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, float] = field(default_factory=dict)
     bridged: int = 0
+    weakened: str = ""
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,7 @@ def values_of(
         "substitute": active.node if active else None,
         "rate": figures.rates.get(judged.publisher or "") if figures else None,
         "bridged": figures.bridged if figures else 0,
+        "weakened": figures.weakened if figures else "",
         "properties": properties,
     }
 

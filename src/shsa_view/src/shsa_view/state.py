@@ -6,6 +6,7 @@ from collections import deque
 from typing import Deque, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
+from shsa_core.errors import listed
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_view import facts
@@ -140,8 +141,12 @@ class State:
             condition = self._judged.get(name, _UNHEARD).condition
             (needed if row["needed"] else others)[name] = condition
         heard = all(self._healer_state(who) == ALIVE for who in (MONITOR, RECONFIGURATOR))
+        robot = of_robot(needed, others, heard)
+        weakened = sorted(name for name, row in self._rows.items() if row["weakened"])
+        if weakened:
+            robot["text"] += f" Watched less than the SOM file says: {listed(weakened)}."
         return {
-            "robot": of_robot(needed, others, heard),
+            "robot": robot,
             "healing": self._healing(),
             "trust": {"state": self._trust.state, "text": self._trust.text},
             "substitutes": {

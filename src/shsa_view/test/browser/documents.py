@@ -31,6 +31,7 @@ def service(topic: str, properties: Document, **others: Any) -> Document:
             "rate": 50.0,
             "why": "",
             "bridged": 0,
+            "weakened": "",
             "incident": None,
         },
         **{"fate": "is kept: it takes /cmd_vel", "remedies": []},
@@ -96,6 +97,7 @@ def hostile() -> Document:
         f"/{HOSTILE}",
         {HOSTILE: prop(1.0, HOSTILE, 0.1)},
         **{"state": "substituted", "detail": HOSTILE, "publisher": f"/{HOSTILE}", "why": HOSTILE},
+        weakened=HOSTILE,
         remedies=[{"text": HOSTILE, "command": HOSTILE}],
         **{"substitute": HOSTILE, "incident": 1, "host": HOSTILE, "strip": HOSTILE},
     )

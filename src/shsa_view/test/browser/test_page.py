@@ -121,6 +121,18 @@ def test_a_robot_that_is_well(browser: Browser, fed: Fed) -> None:
     assert browser.run(f"document.querySelector('{NODE}').dataset.state") == "well"
 
 
+def test_what_is_watched_less_is_marked_until_it_is_taken_back(browser: Browser, fed: Fed) -> None:
+    row = copy.deepcopy(robot()["services"]["amperemeter"])
+    shown = f"document.querySelector('{ROW} .weakened').checkVisibility()"
+    assert browser.run(shown) is False
+    fed.state.tell(services={"amperemeter": {**row, "weakened": "range: 90 (in the SOM file 60)"}})
+    browser.wait(shown)
+    mark = "watched less than the SOM file says: range: 90 (in the SOM file 60)"
+    assert browser.text(f"{ROW} .weakened") == mark and "Well" in browser.text(ROW)
+    fed.state.tell(services={"amperemeter": row})
+    browser.wait(f"!{shown}")
+
+
 @pytest.mark.parametrize("shared", [False, True])
 def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed, shared: bool) -> None:
     told = substituted()

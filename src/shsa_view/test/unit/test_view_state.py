@@ -154,6 +154,16 @@ def test_figures_are_of_who_publishes() -> None:
     assert row(view)["rate"] is None
 
 
+def test_what_is_watched_less_is_marked_until_it_is_taken_back() -> None:
+    view, text = well(), "range: 90 (in the SOM file 60)"
+    before = robot(view)["text"]
+    view.handle(facts.FiguresTold((facts.Figures("ammeter", weakened=text),)))
+    assert row(view)["weakened"] == text and row(view)["state"] == "well"
+    assert robot(view)["text"] == f"{before} Watched less than the SOM file says: ammeter."
+    view.handle(facts.FiguresTold((facts.Figures("ammeter"),)))
+    assert row(view)["weakened"] == "" and robot(view)["text"] == before
+
+
 def test_what_becomes_of_a_node_is_told_before_it_fails() -> None:
     view = well()
     assert row(view)["fate"] == ""

@@ -63,11 +63,12 @@ def test_an_incident_is_the_one_that_was_told() -> None:
 def test_rates_and_values_are_read_from_diagnostics() -> None:
     told: Any = {"topic": "/t", "__n": "healthy, 49.8 Hz, last good message 0.01 s ago"}
     values: Any = {"current": "2.5", "broken": "nan", "text": "a", "times bridged": "3"}
+    values["allows more than the SOM file"] = "range: 9\x1b"
     message = diagnostics("/monitor", "monitor: x", **told, **values)
     reader = wire.Diagnostics("/")
     assert reader.sender(message) == "monitor"
     (figures,) = reader.facts(message)
-    row = facts.Figures("x", {"/n": 49.8}, {"current": 2.5}, 3)
+    row = facts.Figures("x", {"/n": 49.8}, {"current": 2.5}, 3, "range: 9\\x1b")
     assert figures == facts.FiguresTold((row,))
 
 

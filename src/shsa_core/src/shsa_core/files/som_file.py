@@ -2,6 +2,7 @@
 import dataclasses
 import os
 import re
+from math import inf
 from typing import Any, Collection, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ModelError, ModelErrors, listed
@@ -15,6 +16,7 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
+from shsa_core.model.numbers import allows_more, differences
 from shsa_core.model.service import Provision, Service, is_within
 from shsa_core.model.som import Som
 
@@ -22,9 +24,10 @@ PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
-    *("needed", "deadline", "checks"),
+    *("needed", "deadline", "checks", "fails_with", "derived_from"),
 )
-"""The keys that decide whom healing may kill or start, and where, and when it looks away."""
+"""The keys that decide whom healing may kill or start, and where, who may convict, and when it
+looks away."""
 NAMES = ("topic", "gate", "node")
 """The keys whose names may be relative to the namespace in which healing runs."""
 _HOST_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}\Z")  # it becomes a part of topics
@@ -105,8 +108,9 @@ def merge_parameters(
     """Return the SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
     Parameters change numbers of services that the `file` has. What FROM_FILE_ALONE names, fields,
-    checks and commands must be as there, and a range at least as wide. A service that is not valid,
-    or that is not there, stays as it is in `current`; None: as in the file.
+    checks, errors and commands must be as there, a range at least as wide, a period at least as
+    long: what is healthy by the file stays so, however small the steps are. A service that is not
+    valid, or that is not there, stays as it is in `current`; None: as in the file.
     """
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
@@ -277,16 +281,24 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     provisions = {each.property: each for each in service.provides}
     for before in old.provides:
         now = provisions[before.property]
-        if now.checks != before.checks:
-            raise entry.error(f"checks of {now.property} can be changed in the SOM file alone")
+        if (now.checks, now.error) != (before.checks, before.error):
+            what = "checks" if now.checks != before.checks else "error"
+            raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
         if not is_within(before.range, now.range):
             raise entry.error(f"range of {now.property}: only the SOM file can make it narrower")
+    if (service.period or inf) < (old.period or inf):
+        raise entry.error("period: only the SOM file can make it shorter")
     if service.last_resort.command:
         raise entry.error("a command can stand in the SOM file only, not on the parameter server")
     # The parameter server does not keep the order, which the generated code follows.
     provides = tuple(provisions[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
-    return dataclasses.replace(service, provides=provides, last_resort=resort)
+    new = dataclasses.replace(service, provides=provides, last_resort=resort)
+    if not allows_more(new, old):
+        return new
+    fastest = old.period if new.period != old.period else None
+    weakened = differences(new, old, "in the SOM file")
+    return dataclasses.replace(new, weakened=weakened, fastest=fastest)
 
 
 def som_parameters(som: Som) -> Dict[str, object]:

@@ -119,7 +119,7 @@ class RateHigh(Check):
     tells = "messages come at more than this times the rate that `period` gives"
 
     def judge(self, sample: RateSample) -> Optional[str]:
-        allowed = self.limit / sample.period
+        allowed = self.limit / (sample.fastest or sample.period)
         if sample.count <= allowed * sample.longest:
             return None
         seen = f"{sample.count} messages came in {sample.longest:.3f} s"

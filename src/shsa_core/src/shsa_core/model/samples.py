@@ -30,12 +30,16 @@ class ValueSample:
 
 @dataclass(frozen=True)
 class RateSample:
-    """`count` periods of `period` s passed between messages: in `shortest` to `longest` s."""
+    """`count` periods of `period` s passed between messages: in `shortest` to `longest` s.
+
+    `fastest`: the period by which too many are judged, if that is another one.
+    """
 
     count: int
     period: float
     longest: float
     shortest: float
+    fastest: Optional[float] = None
 
 
 @dataclass(frozen=True)

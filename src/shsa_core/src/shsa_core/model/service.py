@@ -63,8 +63,9 @@ class Service:
     With a gate, `topic` is where the node publishes and `beyond_gate` what consumers hear; empty:
     there is no gate. None stands for what is not said. `unwritable`: why its messages cannot be
     written on this computer, so that nothing can take it over, or empty; `upstream`: what its
-    values are computed from by however many steps (the SOM sees to that); `where`: file and line,
-    or parameter.
+    values are computed from by however many steps (the SOM sees to that); `weakened`: what live
+    parameters allow beyond its file, in words; `fastest`: the file's period where that is shorter;
+    `where`: file and line, or parameter.
     """
 
     name: str
@@ -91,6 +92,8 @@ class Service:
     placement: Placement = Placement()
     on_partition: OnPartition = OnPartition.HEAL
     bridge: Optional[float] = None
+    weakened: str = ""
+    fastest: Optional[float] = None
     upstream: Tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
     sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)

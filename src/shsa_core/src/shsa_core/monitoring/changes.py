@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import List, Optional, Tuple, Union
 
 from shsa_core.model.kinds import Kind
-from shsa_core.model.service import Deadlines, Service, is_within
+from shsa_core.model.numbers import allows_more, differences
+from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.events import ChangeRefused, Told
@@ -27,17 +28,21 @@ def decide(board: Board, som: Som, deadlines: Deadlines, time: float) -> Tuple[S
         if topic is None or watched is None or watched.service.node != service.node:
             continue
         kept = _with_numbers_of(watched.service, service)
-        if kept == service:
+        what = differences(service, kept, "so far")
+        if not what:
             continue
         allowed = watched.would_allow(service, deadlines)
         concerned = [each for each in topic.healthy() if each.watched is watched]
         found = [(each.name, _violation(each, service, allowed, time)) for each in concerned]
-        text = f"{service.where or service.name}: {_told(service, kept)}"
+        text = f"{service.where or service.name}: {what}"
         wrong = next(((name, why) for name, why in found if why), None)
         if wrong is None:
             whom = ", ".join(each.name for each in concerned) or "nobody yet"
-            weaker = allowed > watched.allowed or _weakens(kept, service)
-            more = "; it allows more" if weaker else ""
+            more = f"; it allows more than the SOM file: {service.weakened}" * bool(
+                service.weakened
+            )
+            weaker = bool(more) or allowed > watched.allowed or allows_more(service, kept)
+            more = more or "; it allows more" * weaker
             changes.append(Told(time, f"Changed: {text}; it concerns {whom}{more}", weaker))
         else:
             services[service.name] = kept
@@ -71,37 +76,5 @@ def _with_numbers_of(old: Service, new: Service) -> Service:
         for each in new.provides
     )
     numbers = dict(period=old.period, deadline=old.deadline, checks=old.checks)
-    return replace(new, provides=provides, **numbers)
-
-
-def _weakens(old: Service, new: Service) -> bool:
-    """Tell if a publisher may do what it might not before."""
-    pairs = list(zip(new.provides, old.provides))
-    return (
-        (new.period or 0.0) > (old.period or 0.0)
-        or (new.checks.bad, new.checks.of) != (old.checks.bad, old.checks.of)
-        or not set(old.checks.each) <= set(new.checks.each)
-        or any(not set(before.checks) <= set(now.checks) for now, before in pairs)
-        or any(not is_within(now.range, before.range) for now, before in pairs)
-    )
-
-
-def _told(new: Service, old: Service) -> str:
-    """Return the numbers that differ, in words."""
-    said = [f"period: {_word(new.period)} (so far {_word(old.period)})"]
-    said = said if new.period != old.period else []
-    if new.deadline != old.deadline:
-        said.append(f"deadline: {new.deadline or 'usual'} (so far {old.deadline or 'usual'})")
-    if new.checks != old.checks:
-        said.append("checks")
-    for now, before in zip(new.provides, old.provides):
-        if now.range != before.range:
-            what = f"range of {now.property}: {now.range or 'none'}"
-            said.append(f"{what} (so far {before.range or 'none'})")
-        if now.checks != before.checks:
-            said.append(f"checks of {now.property}")
-    return ", ".join(said)
-
-
-def _word(period: Optional[float]) -> str:
-    return "none" if period is None else f"{period:g}"
+    told = dict(weakened=old.weakened, fastest=old.fastest)
+    return replace(new, provides=provides, **numbers, **told)

@@ -152,7 +152,7 @@ class Evidence:
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
-        self._period = service.period or 0.0
+        self._period, self._fastest = service.period or 0.0, service.fastest
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
         self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
         self._enough = count + 1
@@ -269,7 +269,8 @@ class Evidence:
         self._times.append((earliest, message.time, message.apart or 0.0))
         if len(self._times) < self._enough:
             return None
-        rate, apart = self._rate(self._period), self._times[-1][2] - self._times[0][2]
+        rate = replace(self._rate(self._period), fastest=self._fastest)
+        apart = self._times[-1][2] - self._times[0][2]
         if not self.rate_was_good:  # beyond doubt: what waited for us came at no rate
             sure = replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
             self.rate_was_good = judge(self._rate_checks, sure) is None

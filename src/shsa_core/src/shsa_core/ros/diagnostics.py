@@ -27,8 +27,9 @@ from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.agent.remote import HostState
 from shsa_core.text import shown
 
-BRIDGED, DUTIES = "times bridged", "its node also"
-"""Keys of a service's row: how often a late message was filled in for, and the node's duties."""
+BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
+"""Keys of a service's row: how often a late message was filled in for, the node's duties, and what
+live parameters allow."""
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {
     Condition.HEALTHY: OK,
@@ -152,10 +153,13 @@ class MonitorRows:
             told.append(("deadline", health.deadline))
         if health.bridged:
             told.append((BRIDGED, str(health.bridged)))
-        text = health.detail
+        text, level = health.detail, CONDITIONS[health.condition]
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"
-        return _service_row(health.service, CONDITIONS[health.condition], text, told)
+        if health.service.weakened:
+            told.append((WEAKENED, health.service.weakened))
+            text, level = f"{text}; {WEAKENED}: {health.service.weakened}", max(level, WARN)
+        return _service_row(health.service, level, text, told)
 
     def _publisher(
         self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float

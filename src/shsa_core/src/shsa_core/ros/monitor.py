@@ -76,7 +76,8 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        self._commands = Commands(self._last_messages, signing, arguments.host)
+        put_back = lambda service: self._som_watch.put_back(service)
+        self._commands = Commands(self._last_messages, signing, arguments.host, put_back)
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
@@ -97,7 +98,7 @@ class MonitorNode:
         namespace = rospy.get_namespace()
         reread = lambda: read_som(arguments.som, namespace)
         watch = later(self._som_changed), arguments.live_parameters, reread
-        som_parameter.SomWatch(som, *watch)
+        self._som_watch: som_parameter.SomWatch = som_parameter.SomWatch(som, *watch)
         changed = later(self._substitutions_changed)
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, changed, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, later(self._som_state), signing)

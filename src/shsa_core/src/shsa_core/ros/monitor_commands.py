@@ -1,11 +1,11 @@
 """Carries out what the monitor's core says: tables and failures to others, log lines to people."""
-from typing import Dict, Iterable, Optional
+from typing import Callable, Dict, Iterable, Optional
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
-from shsa_core.files.som_file import PARAMETER, service_parameters
+from shsa_core.model.service import Service
 from shsa_core.monitoring import events
 from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.ros.messages.tables import TablePublisher
@@ -16,10 +16,19 @@ from shsa_core.ros.workers import Workers
 
 
 class Commands:
-    """Publishes for the monitor of a `host`; empty: for the robot's."""
+    """Publishes for the monitor of a `host`; empty: for the robot's.
 
-    def __init__(self, last_messages: LastMessages, signing: Signing, host: str) -> None:
-        self._last_messages = last_messages
+    `put_back`: the numbers that count, onto the server.
+    """
+
+    def __init__(
+        self,
+        last_messages: LastMessages,
+        signing: Signing,
+        host: str,
+        put_back: Callable[[Service], None],
+    ) -> None:
+        self._last_messages, self._on_server = last_messages, put_back
         self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._parameters = Workers("parameters")
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
@@ -84,5 +93,4 @@ class Commands:
         service = refusal.service
         text = "Refused: %s. If it is meant, stop the node, change it, and start the node again."
         rospy.logwarn(text, refusal.text)
-        name = f"{PARAMETER}/services/{service.name}"
-        self._parameters.put(lambda: rospy.set_param(name, service_parameters(service)))
+        self._parameters.put(lambda: self._on_server(service))

@@ -105,6 +105,11 @@ function spared(service) {
   return (service.why || "").includes("not blamed") ? service.why : "";
 }
 
+/** The mark of a service that live parameters allow more than its file; empty: it has none. */
+function weakened(service) {
+  return service.weakened ? `watched less than the SOM file says: ${service.weakened}` : "";
+}
+
 class Row {
   constructor(name, ask) {
     this.name = name;
@@ -116,6 +121,7 @@ class Row {
     this.word = make("span");
     this.topic = make("span", { class: "topic" });
     this.detail = make("span", { class: "detail" });
+    this.weakened = make("span", { class: "weakened" });
     this.value = make("td", { role: "cell", class: "values" });
     this.rate = make("span", { class: "rate" });
     this.wanted = make("span", { class: "quiet" });
@@ -132,7 +138,7 @@ class Row {
       "tr",
       { role: "row", "data-service": name },
       make("td", { role: "cell", class: "state" }, this.shape, this.word),
-      make("th", { role: "rowheader", scope: "row" }, button, this.topic, this.detail),
+      make("th", { role: "rowheader", scope: "row" }, button, this.topic, this.weakened, this.detail),
       this.value,
       make("td", { role: "cell", class: "publisher" }, this.publisher, rate),
       make("td", { role: "cell", class: "minute" }, this.strip.element),
@@ -155,6 +161,7 @@ class Row {
     setName(this.topic, service.topic);
     const told = service.state === "well" || service.substitute ? spared(service) : service.why;
     setText(this.detail, told);
+    setText(this.weakened, weakened(service));
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
     const wanted = service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz";
     setText(this.wanted, service.bridged ? `${wanted}, ${service.bridged} times late` : wanted);

@@ -16,7 +16,7 @@ from shsa_view.plain import code
 
 RATE = re.compile(r"(?:^|, )([0-9.]+) Hz(?:,|$)")
 MASTER_ROW, HOST_ROW = "ROS master", "host "
-BRIDGED, DUTIES = "times bridged", "its node also"
+BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
 LEVELS = {DiagnosticStatus.OK: "heard", DiagnosticStatus.ERROR: "lost"}
 
 
@@ -129,8 +129,11 @@ def _figures(name: str, row: DiagnosticStatus) -> facts.Figures:
     """Return the rate of each publisher, whose key is a node's name; the value of each property."""
     rates: Dict[str, float] = {}
     values: Dict[str, float] = {}
+    weakened = ""
     for pair in row.values:
-        if pair.key.startswith("/"):
+        if pair.key == WEAKENED:
+            weakened = shown(pair.value)
+        elif pair.key.startswith("/"):
             found = RATE.search(pair.value)
             rate = _float(found.group(1)) if found else None
             if rate is not None:
@@ -140,7 +143,7 @@ def _figures(name: str, row: DiagnosticStatus) -> facts.Figures:
             if value is not None:
                 values[pair.key] = value
     bridged = int(values.pop(BRIDGED, 0.0))
-    return facts.Figures(name, rates, values, bridged)
+    return facts.Figures(name, rates, values, bridged, weakened)
 
 
 def _float(text: str) -> Optional[float]:

@@ -20,7 +20,7 @@ from shsa_core.files.som_file import (
     som_parameters,
 )
 from shsa_core.model.field import parse_field
-from shsa_core.model.service import Deadlines, Signal
+from shsa_core.model.service import Deadlines, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
@@ -76,6 +76,15 @@ class SomWatch:
             self._som = self._file = som
             self._seen = ""
         self._look.set()
+
+    def put_back(self, service: Service) -> None:
+        """Go on by the numbers that count of a service, on the server as well."""
+        with self._lock:
+            self._som = self._som.with_services(
+                service if each.name == service.name else each for each in self._som
+            )
+            name = f"{self._name}/services/{service.name}"
+            _ask(lambda: rospy.set_param(name, service_parameters(service)))
 
     def _hear_updates(self) -> None:
         """Look as soon as the master says that something has changed.
