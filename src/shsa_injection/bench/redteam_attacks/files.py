@@ -40,12 +40,16 @@ def files(target: Target, end: float) -> int:
 def recordings(target: Target, end: float) -> int:
     """Record every topic, and keep every parameter: the secret may be in one of them."""
     words = ["rosbag", "record", "-a", "-O", f"{target.folder}/all.bag", "__name:=recording"]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(words, stdout=quiet, stderr=quiet, start_new_session=True)
     count = 0
     while time.monotonic() < end - 2.0:
         Path(target.folder, "parameters").write_text(str(target.master.getParam("/")), "utf-8")
         count += 1
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
-    process.wait()
+    try:
+        process.wait(20.0)
+    except subprocess.TimeoutExpired:  # it was not listening yet
+        os.killpg(process.pid, signal.SIGKILL)
     return count + int(any(Path(target.folder).glob("all.bag*")))
