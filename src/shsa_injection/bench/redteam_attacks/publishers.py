@@ -61,7 +61,7 @@ def families(target: Target, end: float) -> int:
         bad.uri = f"http://localhost:{port}/"
         publishers.append((name, bad))
     value = itertools.cycle([10.0, 1e6])
-    while time.monotonic() < end:
+    while not count or time.monotonic() < end:
         for name, bad in publishers:
             frame = Float64Stamped(data=next(value))
             with suppress(*ERRORS):
