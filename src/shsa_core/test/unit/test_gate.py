@@ -13,7 +13,7 @@ from rospy.msg import serialize_message
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
 
-from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
+from shsa_core.gating.events import Arrived, Left, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
 from shsa_core.model.checks import Jump, Stuck
 from shsa_core.model.service import Service
@@ -364,7 +364,7 @@ def test_at_a_high_rate_a_second_gate_grants_the_first_what_a_busy_machine_costs
 
 
 def test_a_second_gate_takes_over_at_once_when_the_first_is_gone(second: Stand) -> None:
-    second.feed(GateLeft(second.time, FIRST))
+    second.feed(Left(second.time, FIRST))
     second.run(10)
     assert len(second.heard) == 10
 
@@ -387,7 +387,7 @@ def test_a_stranger_does_not_mute_a_second_gate(second: Stand) -> None:
 
 def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second: Stand) -> None:
     second.feed(Overheard(second.time, FIRST, 500 * NS))
-    second.feed(GateLeft(second.time, FIRST))
+    second.feed(Left(second.time, FIRST))
     second.until(second.time + PERIOD)
     (filled,) = second.message(2.0, SUBSTITUTE, stamp=500 * NS - 100)
     assert filled.stamp == 500 * NS + 1
@@ -399,7 +399,7 @@ def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -
 
 
 def test_another_gate_that_leaves_changes_nothing(second: Stand) -> None:
-    second.feed(GateLeft(second.time, "/another_gate"))
+    second.feed(Left(second.time, "/another_gate"))
     assert not second.said and not second.message(2.0, SUBSTITUTE)
 
 

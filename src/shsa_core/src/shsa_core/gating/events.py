@@ -34,8 +34,8 @@ class Overheard:
 
 
 @dataclass(frozen=True)
-class GateLeft:
-    """A node that published there is gone."""
+class Left:
+    """A node that published on one of both topics is gone."""
 
     time: float
     publisher: str
@@ -48,7 +48,7 @@ class Tick:
     time: float
 
 
-Event = Union[SubstitutionsChanged, Arrived, Overheard, GateLeft, Tick]
+Event = Union[SubstitutionsChanged, Arrived, Overheard, Left, Tick]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged
-from shsa_core.monitoring.evidence import Evidence, Finding
+from shsa_core.monitoring.evidence import Evidence, Finding, Learned
 from shsa_core.watch import Watch
 
 
@@ -25,13 +25,17 @@ class _Original:
         # How many come is shaped, not judged: a good value stays one, however late it is.
         each = tuple(check for check in checks.each if check.sample is not RateSample)
         self.judged = replace(service, checks=replace(checks, each=each))
-        self.failure: Optional[Finding] = None
-        self._evidence = Evidence(self.judged, learned={})
-        self._good_in_a_row = 0
+        self.begin_anew()
         limits = [float(check.limit) for check in checks.each if isinstance(check, RateHigh)]
         self._rate = limits[0] / service.period if service.period and limits else math.inf
         self._tokens, self._time = settings.BURST, -math.inf
         self.heard, self.stamp = -math.inf, 0  # its last message that passed
+
+    def begin_anew(self) -> None:
+        """Hold nothing against it that another process did."""
+        self.failure: Optional[Finding] = None
+        self._evidence = Evidence(self.judged, learned=Learned())
+        self._good_in_a_row = 0
 
     def judge(self, arrived: Arrived) -> bool:
         """Tell if a message may be heard: it is good, and so were those before it."""
@@ -84,7 +88,7 @@ class Gate:
                 SubstitutionsChanged: self._substitutions_changed,
                 Arrived: self._arrived,
                 events.Overheard: self._overheard,
-                events.GateLeft: self._gate_left,
+                events.Left: self._left,
                 events.Tick: self._tick,
             },
         )
@@ -212,8 +216,10 @@ class Gate:
         text = f"{self._service.heard}: {event.publisher} is back, it goes on"
         return [] if was_muted else [Log(Level.INFO, text)]
 
-    def _gate_left(self, event: events.GateLeft) -> List[Command]:
-        """Take over from the gate that is gone: nobody has to wait for its silence."""
+    def _left(self, event: events.Left) -> List[Command]:
+        """Take over from a gate that is gone: nobody has to wait for its silence."""
+        if event.publisher == self._service.node:
+            self._original.begin_anew()
         gone = event.publisher == self._first and self._muted
         return self._take_over(event.time) if gone else []
 

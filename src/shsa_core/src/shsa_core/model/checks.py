@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import (
+    FormSample,
     IntruderSample,
     OF_VALUE,
     RateSample,
@@ -19,6 +20,8 @@ from shsa_core.model.samples import (
 )
 
 Limit = Union[bool, float]
+FEWEST_ELEMENTS = 2
+"""A shorter array may be a list of what was seen: one thing, and then none."""
 LEARNED = 0.0
 """The limit that a publisher's own healthy stream, or known errors, give; a SOM's are above 0."""
 
@@ -177,6 +180,34 @@ def _unusual(age: float, sample: StampSample) -> str:
     return f"the stamp is {age:.3f} s old, {usual}"
 
 
+class Frame(Check):
+    kind, sample, default, usual = Kind.FRAME, FormSample, True, True
+    tells = "a frame (`frame_id`, `child_frame_id`) is not the one of the first 50 messages"
+
+    def judge(self, sample: FormSample) -> Optional[str]:
+        if isinstance(sample.found, int) or sample.least != sample.most:
+            return None
+        same = sample.found == sample.most
+        return None if same else f"{sample.name} is {sample.found!r}, and was {sample.most!r}"
+
+
+class Length(Check):
+    kind, sample, default, usual = Kind.LENGTH, FormSample, True, True
+    tells = (
+        "an array is shorter than in the first 50 messages, which all had the same length; or empty, "
+        "where none had less than half of the most"
+    )
+
+    def judge(self, sample: FormSample) -> Optional[str]:
+        found, least, most = sample.found, sample.least, sample.most
+        if isinstance(found, str) or isinstance(least, str) or isinstance(most, str):
+            return None
+        needed = most if least == most else 1
+        if found >= needed or most < FEWEST_ELEMENTS or 2 * least < most:
+            return None
+        return f"{sample.name} has {found} elements, at least {least} were usual"
+
+
 class UnknownPublisher(Check):
     kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
     tells = (
@@ -203,6 +234,8 @@ REGISTRY: Dict[str, Type[Check]] = {
         RateLow,
         StaleStamp,
         FutureStamp,
+        Frame,
+        Length,
         UnknownPublisher,
     )
 }
@@ -215,7 +248,7 @@ OFF_FOR_DISTANCES = (Kind.NOT_A_NUMBER, Kind.STUCK)
 """Nothing in reach reads the same for as long as that lasts."""
 
 BY_VALUE = tuple(
-    Kind(name) for name, check in REGISTRY.items() if check.sample in (*OF_VALUE, StampSample)
+    Kind(name) for name, check in REGISTRY.items() if check.sample in (*OF_VALUE, StampSample, FormSample)
 )
 """The failures that single messages show: by what they say, not by when they come."""
 

@@ -30,6 +30,8 @@ class Kind(Word):
     WITNESS = "witness"
     STALE_STAMP = "stale_stamp"
     FUTURE_STAMP = "future_stamp"
+    FRAME = "frame"
+    LENGTH = "length"
     UNKNOWN_PUBLISHER = "unknown_publisher"
     NO_VALUE = "no_value"
     REQUESTED = "requested"
@@ -41,6 +43,10 @@ QUIET = (Kind.NODE_GONE, Kind.SILENT, Kind.NEVER_PUBLISHED)
 
 BY_LINK = (Kind.SILENT, Kind.NEVER_PUBLISHED, Kind.RATE_LOW, Kind.RATE_HIGH)
 """The failures that a bad link shows of a node on another computer that does well."""
+
+
+BY_FORM = (Kind.FRAME, Kind.LENGTH)
+"""The failures that a live node is never ended for: its settings may have been changed."""
 
 
 class Contain(Word):

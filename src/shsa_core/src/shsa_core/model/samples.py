@@ -1,6 +1,6 @@
-"""Samples that the checks of a service judge: values, rates, stamps, strangers, witnesses."""
+"""Samples that the checks of a service judge: values, rates, stamps, forms, and what others say."""
 from dataclasses import dataclass
-from typing import NamedTuple, Optional, Tuple
+from typing import NamedTuple, Optional, Tuple, Union
 
 
 class Hold(NamedTuple):
@@ -52,6 +52,20 @@ class StampSample:
     usual: Optional[float] = None
     allowed: float = 0.0
     again: bool = False
+
+
+Part = Union[str, int]
+"""A frame of a message, or the length of an array."""
+
+
+@dataclass(frozen=True)
+class FormSample:
+    """A part of a message, by its name: what it is, and the least and the most that it was."""
+
+    name: str
+    found: Part
+    least: Part
+    most: Part
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.samples import Part
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
@@ -147,7 +148,7 @@ class Message:
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
     `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by which
     simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
-    `stamp`: in ns, as it came; 0: it has none.
+    `stamp`: in ns, as it came; 0: it has none. `form`: its frames and the lengths of its arrays.
     """
 
     time: float
@@ -159,6 +160,7 @@ class Message:
     waited: float = 0.0
     apart: Optional[float] = None
     stamp: int = 0
+    form: Tuple[Tuple[str, Part], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,15 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import RateSample, StampSample, ValueSample
+from shsa_core.model.samples import FormSample, RateSample, StampSample, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.form import Form, Usual
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
 from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
@@ -22,8 +23,14 @@ class Finding:
     detail: str
 
 
-Learned = Dict[Tuple[str, str], Stillness]
-"""Knowledge of the values of one node, by property and field."""
+@dataclass
+class Learned:
+    """Knowledge of one node that outlives a process: of its values by property and field, and of
+    the form of its messages, of which another process is only told.
+    """
+
+    values: Dict[Tuple[str, str], Stillness] = field(default_factory=dict)
+    form: Usual = field(default_factory=dict)
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
@@ -31,9 +38,10 @@ def checked_provisions(service: Service) -> Tuple[Provision, ...]:
     return tuple(each for each in service.provides if each.usual or _checks_of(each))
 
 
-def checks_stamps(service: Service) -> bool:
-    """Tell if any check needs the stamp in the header."""
-    return bool(_of(service.checks.each, StampSample))
+def checks_head(service: Service) -> Tuple[bool, bool]:
+    """Tell if any check needs the stamp in the header, and if any needs the form of messages."""
+    checks = service.checks.each
+    return bool(_of(checks, StampSample)), bool(service.period and _of(checks, FormSample))
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
@@ -64,7 +72,8 @@ class _Value:
         self._checks = _of(_checks_of(provision), ValueSample)
         key = provision.property, provision.field
         self._learns = learned is not None
-        self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
+        values = {} if learned is None else learned.values
+        self._run = Run(values.setdefault(key, Stillness()))
         self.good: Optional[float] = None
         self._newest: Optional[float] = None
         self.outside: Optional[ValueSample] = None
@@ -148,7 +157,9 @@ class Evidence:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
-        self.compares = any(each.usual for each in checked)
+        form = None if learned is None or service.period is None else Form(learned.form)
+        self._form, self._form_checks = form, _of(checks.each, FormSample) if form else ()
+        self._compares = any(each.usual for each in checked)
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -175,7 +186,13 @@ class Evidence:
     @property
     def unusual(self) -> str:
         """The first of its values that is not as usual, in words; empty: all are."""
-        return next((each.unusual for each in self._values if each.unusual), "")
+        texts = (each.unusual for each in (*self._values, self._form) if each is not None)
+        return next(filter(None, texts), "")
+
+    @property
+    def compares(self) -> bool:
+        """True if anything is known that its messages need not be, but usually are."""
+        return self._compares or bool(self._form and self._form.unusual)
 
     @property
     def span(self) -> float:
@@ -193,8 +210,9 @@ class Evidence:
         """So many good messages in a row end a failure."""
         return self._verdict.recovery
 
-    def take_stamps(self, other: "Evidence") -> None:
-        """Go on with what another one learned of the stamps on the same connection."""
+    def take_habits(self, other: "Evidence") -> None:
+        """Go on with what another one learned of stamps and forms on the same connection."""
+        self._form = self._form and other._form
         if self._stamps.period == other._stamps.period:
             self._stamps = other._stamps
 
@@ -234,7 +252,10 @@ class Evidence:
         finding = None
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
-        self._heard_stamp(message, finding is None and not failed)
+        good = finding is None and not failed
+        self._heard_stamp(message, good)
+        if self._form is not None and good:
+            self._form.heard(message.form)
         guilty = self._verdict.add(finding is not None)
         return finding is None, finding if guilty else None
 
@@ -252,6 +273,9 @@ class Evidence:
                     message.time, message.stamp, message.age, message.waited
                 )
             yield judge(self._stamp_checks, sample)
+        if self._form is not None:
+            for form in self._form.samples(message.form):
+                yield judge(self._form_checks, form)
         if self._rate_checks:
             yield self._look_at_rate(message)
 

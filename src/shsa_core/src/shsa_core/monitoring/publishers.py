@@ -36,7 +36,7 @@ class WatchedService:
     appeared: bool = False
     published: bool = False
     overdue: bool = False
-    learned: Learned = field(default_factory=dict)
+    learned: Learned = field(default_factory=Learned)
     gaps: Optional[LearnedDeadline] = None
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
@@ -178,7 +178,7 @@ class Publisher:
         own = self.name == watched.service.node
         self.evidence = Evidence(watched.service, learned=watched.learned if own else None)
         if before is not None:
-            self.evidence.take_stamps(before)
+            self.evidence.take_habits(before)
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""

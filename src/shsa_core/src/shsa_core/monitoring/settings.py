@@ -62,7 +62,7 @@ LEARN_MESSAGES = 200
 
 # Stamps.
 AGES = 50
-"""So many messages tell how old stamps usually are."""
+"""So many messages tell how old stamps usually are, which frames they name, how long arrays are."""
 AGE_FOLLOWS = 0.001
 """Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
 AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS = 0.5, 10.0, 3.0

@@ -84,8 +84,8 @@ class GateNode:
         for happening in happenings:
             if isinstance(happening, Arrived):
                 self._arrived(happening, newest[happening.connection] is happening.data)
-            elif isinstance(happening, Gone) and happening.topic == self._service.heard:
-                self._feed(events.GateLeft(happening.time, happening.publisher))
+            elif isinstance(happening, Gone):
+                self._feed(events.Left(happening.time, happening.publisher))
             elif isinstance(happening, Looked):
                 self._feed(events.Tick(happening.time))
 

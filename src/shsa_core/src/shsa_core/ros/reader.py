@@ -4,16 +4,17 @@ from typing import Dict, NamedTuple, Optional
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.evidence import checked_provisions, checks_head
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
-from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
+from shsa_core.ros.messages.fields import Decoder, stamp
+from shsa_core.ros.messages.form import FORM_END, FormReader
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived
 
 ALL = Wanted()
-HEAD = Wanted(LAST_MESSAGE_B, STAMP_END)
-"""Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
+HEAD = Wanted(LAST_MESSAGE_B, FORM_END)
+"""Nobody judges values: of a message too large to be kept, stamp and form are all that is looked at."""
 
 
 class _Needs(NamedTuple):
@@ -22,6 +23,7 @@ class _Needs(NamedTuple):
     service: Optional[Service]
     values: Optional[Decoder] = None
     stamps: bool = False
+    form: Optional[FormReader] = None
 
 
 class Reader:
@@ -53,7 +55,8 @@ class Reader:
             stamped = stamp(data)
             age = (ros_time - stamped) / 1e9 if stamped else None
         whom = (connection.topic, connection.publisher)
-        return Message(time, *whom, values, error, age, waited, stamp=stamped)
+        form = needs.form(data) if needs.form is not None else ()
+        return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
 
     def forget(self) -> None:
         """Learn anew what is needed, from whole messages: services have changed."""
@@ -66,10 +69,12 @@ class Reader:
             del self._needs[ended]
         needs = _Needs(service)
         fields = tuple(each.field for each in checked_provisions(service)) if service else ()
-        if service is not None and (fields or checks_stamps(service)):
+        stamps, form = checks_head(service) if service else (False, False)
+        if service is not None and (fields or stamps or form):
             decoder = connection.decoder(service.type, fields)
             if decoder is not None:
-                needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
+                reader = FormReader(service.type) if form else None
+                needs = _Needs(service, decoder if fields else None, decoder.has_stamp, reader)
         self._needs[connection] = needs
         connection.frames.wanted = ALL if needs.values is not None else self._unjudged
         return needs
