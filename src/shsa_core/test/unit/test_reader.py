@@ -101,7 +101,7 @@ def test_what_is_judged_no_more_is_dropped_from_the_next_message_on() -> None:
     watched.reader.forget()
     watched.hear(picture(2), UNJUDGED)
     watched.hear(picture(3), UNJUDGED)
-    assert watched.copied == 12
+    assert watched.copied == FORM_END
 
 
 def test_without_any_check_of_stamps_there_is_no_age() -> None:

@@ -6,13 +6,14 @@ from typing import Dict, List, Optional, Set
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
+from shsa_core.gating.doubt import Doubt, Values
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
 from shsa_core.model.log import Level
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence, Finding, Learned
 from shsa_core.watch import Watch
 
@@ -34,18 +35,18 @@ class _Original:
     def begin_anew(self) -> None:
         """Hold nothing against it that another process did."""
         self.failure: Optional[Finding] = None
-        self._evidence = Evidence(self.judged, learned=Learned())
+        self.evidence = Evidence(self.judged, learned=Learned())
         self._good_in_a_row = 0
 
     def judge(self, arrived: Arrived) -> bool:
         """Tell if a message may be heard: it is good, and so were those before it."""
-        good, failure = self._evidence.weigh(arrived.message, self.failure is not None)
+        good, failure = self.evidence.weigh(arrived.message, self.failure is not None)
         self._good_in_a_row = self._good_in_a_row + 1 if good else 0
         if failure is not None:
             self.failure = self.failure or failure
-        elif self.failure is not None and self._good_in_a_row >= self._evidence.recovery:
+        elif self.failure is not None and self._good_in_a_row >= self.evidence.recovery:
             self.failure = None
-            self._evidence.clear()
+            self.evidence.clear()
         return good and self.failure is None
 
     def is_in_turn(self, time: float) -> bool:
@@ -71,6 +72,7 @@ class Gate:
         self._service, self._first = service, first
         self._original = _Original(service)
         self._values_alone = _values_alone(service)
+        self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
         self._judges: Dict[str, Evidence] = {}  # of the substitutes, by their nodes
         self._newest: Optional[Arrived] = None  # good message of a substitute
@@ -177,6 +179,9 @@ class Gate:
         if not good:
             speaks = self._filling or before is not None
             return said if speaks else said + self._fill(event.time)
+        if self._is_doubted(event):
+            self._filling = True
+            return said + self._fill(event.time)
         # Consumers may have heard a substitute's message of that time, or a later one.
         ahead = self._substitutes_stamp - event.stamp
         replaced = event.stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
@@ -185,6 +190,18 @@ class Gate:
         self._filling = False
         original.heard, original.stamp = event.time, event.stamp
         return said + self._pass(event, event.time, event.stamp)
+
+    def _is_doubted(self, event: Arrived) -> bool:
+        """Tell if the newest value of a substitute contradicts a message of the node."""
+        newest = self._newest
+        if newest is None or event.time - newest.time > self._periods(settings.OLD):
+            return False
+        publisher = newest.message.publisher
+        rows = [row for row in self._rows.values() if row.node == publisher]
+        outputs = [each for row in rows for each in row.outputs]
+        derived = _values(self._judges[publisher], newest.message)
+        said = _values(self._original.evidence, event.message)
+        return self._doubt.holds(said, derived, outputs, event.time)
 
     def _tell(self, before: Optional[Finding], after: Optional[Finding]) -> List[Command]:
         if (before is None) is (after is None) or self._muted:
@@ -267,6 +284,12 @@ class Gate:
         self._last_out, self._stamp = time, stamp or self._stamp
         written = None if stamp == arrived.stamp else stamp
         return [Pass(arrived.data, arrived.message.publisher, written)]
+
+
+def _values(evidence: Evidence, message: Message) -> Values:
+    """Return the values of a message that was judged, by property."""
+    pairs = zip(evidence.properties, message.values or ())
+    return {name: value for name, value in pairs if value is not None}
 
 
 def _values_alone(service: Service) -> Service:
