@@ -65,9 +65,7 @@ def measure(busy: int, seconds: float) -> Row:
             node, topic = f"__name:=node_s{number}", f"_topic:=/s{number}"
             graph.python(FAULTY_PUBLISHER, node, topic, f"_period:={1.0 / rate}", "_noise:=0.01")
         ontology, som = models(graph.folder)
-        graph.start(
-            "roslaunch", "shsa_core", "shsa.launch", f"ontology:={ontology}", f"som:={som}"
-        )
+        graph.start("roslaunch", "shsa_core", "shsa.launch", f"ontology:={ontology}", f"som:={som}")
         topics = [f"/s{number}" for number in range(len(RATES))]
         graph.healing.await_available(*topics, seconds=2 * PATIENCE_S)
         large = str(IMAGE_B), str(IMAGE_PERIOD_S)

@@ -31,8 +31,8 @@ def scanning(form: Form = SCAN, **changes: Any) -> Bench:
     [
         (((FRAME, "map"), (RANGES, 360)), "frame", "header.frame_id is 'map', and was 'laser'"),
         (((FRAME, ""), (RANGES, 360)), "frame", "header.frame_id is '', and was 'laser'"),
-        (((FRAME, "laser"), (RANGES, 359)), "length", "ranges has 359 elements, at least 360"),
-        (((FRAME, "laser"), (RANGES, 0)), "length", "ranges has 0 elements, at least 360"),
+        (((FRAME, "laser"), (RANGES, 359)), "length", "ranges has 359 elements, and had 360"),
+        (((FRAME, "laser"), (RANGES, 0)), "length", "ranges has 0 elements, and had 360"),
     ],
 )
 def test_another_form_is_found_and_good_again(form: Form, kind: str, told: str) -> None:
@@ -61,18 +61,6 @@ def test_what_varies_from_the_start_may_go_on_to(first: Form, then: Form) -> Non
         say(bench, then, 1)
     say(bench, ((FRAME, "c"), (RANGES, 0)))
     assert bench.failures == []
-
-
-def test_an_array_that_varies_a_little_is_not_empty() -> None:
-    bench = scanning(((RANGES, 900),))
-    bench = Bench(service())
-    bench.connect()
-    for length in (900, 1000) * 50:
-        say(bench, ((RANGES, length),), 1)
-    say(bench, ((RANGES, 400),), 10)
-    assert bench.failures == []
-    say(bench, ((RANGES, 0),), 3)
-    assert bench.kinds() == [(NODE, "length")]
 
 
 def test_a_longer_array_and_a_part_that_is_missing_are_no_failure() -> None:

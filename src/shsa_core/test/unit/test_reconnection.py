@@ -19,7 +19,7 @@ def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
     node.die()
     begun = time.monotonic()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Gone"]
+    assert monitor.kinds() == ["Disconnected"]
     assert time.monotonic() - begun < 0.1 and node.asked == 0
 
 
@@ -103,8 +103,8 @@ def test_a_node_that_offers_the_topic_no_more_is_gone(monitor: Monitor, node: No
     monitor.connect(node)
     node.offers = False
     node.close_connections()
-    monitor.until(lambda: "Gone" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Gone"]
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
 
 
 def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: Node) -> None:
@@ -112,8 +112,8 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.answers = False
     begun = time.monotonic()
     node.close_connections()
-    monitor.until(lambda: "Gone" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Gone"]
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
     assert settings.CALL_S <= time.monotonic() - begun < settings.CALL_S + 0.3
 
 
@@ -129,7 +129,7 @@ def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
     monitor.until(lambda: len(standing) == 1)
     assert monitor.kinds() == ["Connected"]
     successor.die()
-    monitor.until(lambda: monitor.kinds() == ["Connected", "Gone"])
+    monitor.until(lambda: monitor.kinds() == ["Connected", "Disconnected"])
 
 
 def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node: Node) -> None:

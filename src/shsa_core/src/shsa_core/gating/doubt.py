@@ -9,52 +9,46 @@ from typing import Dict, Iterable, Optional, Tuple
 
 from shsa_core.gating import settings
 from shsa_core.model.checks import LEARNED, Witness
-from shsa_core.model.service import Provision, Service, Signal
+from shsa_core.model.service import Service, Signal
 from shsa_core.monitoring.settings import SAMPLE_S
 from shsa_core.monitoring.witness import spread
 
-Values = Dict[str, float]
+Values = Dict[str, Optional[float]]
 
 
 class Doubt:
     """What speaks against the values of a service's node. Times in s."""
 
     def __init__(self, service: Service) -> None:
-        self._provisions = [
-            (each, float(check.limit))
-            for each in service.provides
-            for check in each.checks
-            if isinstance(check, Witness)
-        ]
+        pairs = ((each, check) for each in service.provides for check in each.checks)
+        self._limits = [(p, float(c.limit)) for p, c in pairs if isinstance(c, Witness)]
         self._agreed: Dict[str, Tuple[float, float]] = {}  # what both said when they agreed last
         self._since = inf
 
     def holds(self, said: Values, derived: Values, outputs: Iterable[Signal], time: float) -> bool:
         """Tell if a message is doubted: the node `said` what its substitute did not derive."""
-        errors = {each.field: each.error for each in outputs} if self._provisions else {}
+        errors = {each.field: each.error for each in outputs}
         doubted = False
-        for provision, stated in self._provisions:
-            allowed = spread(errors.get(provision.field)) if stated == LEARNED else stated
-            doubted = self._contradicts(provision, allowed, said, derived) or doubted
+        for each, limit in self._limits:
+            allowed = spread(errors.get(each.field)) if limit == LEARNED else limit
+            pair = said.get(each.property), derived.get(each.property)
+            doubted = self._contradicts(each.property, allowed, *pair) or doubted
         self._since = min(self._since, time) if doubted else inf
         if time - self._since > settings.JUDGED_LOOKS * SAMPLE_S:
             self._agreed.clear()
         return doubted
 
     def _contradicts(
-        self, provision: Provision, allowed: Optional[float], said: Values, derived: Values
+        self, name: str, allowed: Optional[float], value: Optional[float], other: Optional[float]
     ) -> bool:
-        value, other = said.get(provision.property), derived.get(provision.property)
         if value is None or other is None or allowed is None:
             return False
+        agreed = self._agreed.pop(name, None)
         if abs(value - other) <= allowed:
-            self._agreed[provision.property] = value, other
-            return False
-        agreed = self._agreed.get(provision.property)
-        if agreed is None:
-            return False
-        moved, others = abs(value - agreed[0]), abs(other - agreed[1])
-        jumped = moved > allowed / 2.0 and moved > 2.0 * others
-        if not jumped:
-            del self._agreed[provision.property]
-        return jumped
+            agreed = value, other
+        elif agreed is None or abs(value - agreed[0]) <= max(
+            allowed / 2.0, 2.0 * abs(other - agreed[1])
+        ):
+            return False  # it was so before, or it is the substitute's value that moved
+        self._agreed[name] = agreed
+        return agreed[0] != value

@@ -6,15 +6,15 @@ from typing import Dict, List, Optional, Set
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
-from shsa_core.gating.doubt import Doubt, Values
+from shsa_core.gating.doubt import Doubt
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
 from shsa_core.model.log import Level
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import Message, SubstitutionsChanged
-from shsa_core.monitoring.evidence import Evidence, Finding, Learned
+from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.evidence import Evidence, Finding
 from shsa_core.watch import Watch
 
 
@@ -35,7 +35,7 @@ class _Original:
     def begin_anew(self) -> None:
         """Hold nothing against it that another process did."""
         self.failure: Optional[Finding] = None
-        self.evidence = Evidence(self.judged, learned=Learned())
+        self.evidence = Evidence(self.judged, learned={})
         self._good_in_a_row = 0
 
     def judge(self, arrived: Arrived) -> bool:
@@ -44,9 +44,9 @@ class _Original:
         self._good_in_a_row = self._good_in_a_row + 1 if good else 0
         if failure is not None:
             self.failure = self.failure or failure
-        elif self.failure is not None and self._good_in_a_row >= self.evidence.recovery:
+        elif self.failure is not None and self._good_in_a_row >= self.evidence.verdict.recovery:
             self.failure = None
-            self.evidence.clear()
+            self.evidence.verdict.clear()
         return good and self.failure is None
 
     def is_in_turn(self, time: float) -> bool:
@@ -199,8 +199,8 @@ class Gate:
         publisher = newest.message.publisher
         rows = [row for row in self._rows.values() if row.node == publisher]
         outputs = [each for row in rows for each in row.outputs]
-        derived = _values(self._judges[publisher], newest.message)
-        said = _values(self._original.evidence, event.message)
+        both = (self._original.evidence, event.message), (self._judges[publisher], newest.message)
+        said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
         return self._doubt.holds(said, derived, outputs, event.time)
 
     def _tell(self, before: Optional[Finding], after: Optional[Finding]) -> List[Command]:
@@ -284,12 +284,6 @@ class Gate:
         self._last_out, self._stamp = time, stamp or self._stamp
         written = None if stamp == arrived.stamp else stamp
         return [Pass(arrived.data, arrived.message.publisher, written)]
-
-
-def _values(evidence: Evidence, message: Message) -> Values:
-    """Return the values of a message that was judged, by property."""
-    pairs = zip(evidence.properties, message.values or ())
-    return {name: value for name, value in pairs if value is not None}
 
 
 def _values_alone(service: Service) -> Service:

@@ -65,7 +65,7 @@ def decide(case: Case) -> Verdict:
     if case.protected:
         return Verdict(False, f"{kept}: {case.protected}")
     if case.kind in BY_FORM:
-        return Verdict(False, f"{kept}: its settings may have been changed, and its values are good")
+        return Verdict(False, f"{kept}: its settings may have been changed")
     silent = case.kind in MISSED
     if case.restarted:
         until = " if it stays silent" if silent else ""

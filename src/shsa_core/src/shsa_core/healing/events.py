@@ -52,13 +52,6 @@ class NodeEvent(Event):
 
 
 @dataclass(frozen=True)
-class HostEvent(Event):
-    """Something has happened to a computer."""
-
-    host: str
-
-
-@dataclass(frozen=True)
 class Started(Event):
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
@@ -267,12 +260,13 @@ class CalibrationsHeard(Event):
 
 
 @dataclass(frozen=True)
-class HostSeen(HostEvent):
+class HostSeen(Event):
     """The agent of a computer tells that it is there.
 
     `load`: how many of its `cores` are busy; `sent` and `received`: bytes/s on its network.
     """
 
+    host: str
     load: float
     cores: float
     sent: float = 0.0
@@ -280,9 +274,10 @@ class HostSeen(HostEvent):
 
 
 @dataclass(frozen=True)
-class HostLost(HostEvent):
+class HostLost(Event):
     """The agent of a computer is not heard any more; `detail`: what was seen of that."""
 
+    host: str
     detail: str
 
 

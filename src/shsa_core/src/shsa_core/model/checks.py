@@ -20,8 +20,6 @@ from shsa_core.model.samples import (
 )
 
 Limit = Union[bool, float]
-FEWEST_ELEMENTS = 2
-"""A shorter array may be a list of what was seen: one thing, and then none."""
 LEARNED = 0.0
 """The limit that a publisher's own healthy stream, or known errors, give; a SOM's are above 0."""
 
@@ -182,30 +180,27 @@ def _unusual(age: float, sample: StampSample) -> str:
 
 class Frame(Check):
     kind, sample, default, usual = Kind.FRAME, FormSample, True, True
-    tells = "a frame (`frame_id`, `child_frame_id`) is not the one of the first 50 messages"
+    tells = (
+        "`frame_id` or `child_frame_id` is not that of the first 50 messages, if they had the same"
+    )
 
     def judge(self, sample: FormSample) -> Optional[str]:
-        if isinstance(sample.found, int) or sample.least != sample.most:
+        if isinstance(sample.found, int) or sample.found == sample.usual:
             return None
-        same = sample.found == sample.most
-        return None if same else f"{sample.name} is {sample.found!r}, and was {sample.most!r}"
+        return f"{sample.name} is {sample.found!r}, and was {sample.usual!r}"
 
 
 class Length(Check):
     kind, sample, default, usual = Kind.LENGTH, FormSample, True, True
     tells = (
-        "an array is shorter than in the first 50 messages, which all had the same length; or empty, "
-        "where none had less than half of the most"
+        "an array is shorter than in the first 50 messages, if it always had the same length there"
     )
 
     def judge(self, sample: FormSample) -> Optional[str]:
-        found, least, most = sample.found, sample.least, sample.most
-        if isinstance(found, str) or isinstance(least, str) or isinstance(most, str):
-            return None
-        needed = most if least == most else 1
-        if found >= needed or most < FEWEST_ELEMENTS or 2 * least < most:
-            return None
-        return f"{sample.name} has {found} elements, at least {least} were usual"
+        found, usual = sample.found, sample.usual
+        if isinstance(found, str) or isinstance(usual, str) or found >= usual or usual == 1:
+            return None  # one thing that was seen, and then none, is no fault
+        return f"{sample.name} has {found} elements, and had {usual}"
 
 
 class UnknownPublisher(Check):
@@ -248,7 +243,9 @@ OFF_FOR_DISTANCES = (Kind.NOT_A_NUMBER, Kind.STUCK)
 """Nothing in reach reads the same for as long as that lasts."""
 
 BY_VALUE = tuple(
-    Kind(name) for name, check in REGISTRY.items() if check.sample in (*OF_VALUE, StampSample, FormSample)
+    Kind(name)
+    for name, check in REGISTRY.items()
+    if check.sample in (*OF_VALUE, StampSample, FormSample)
 )
 """The failures that single messages show: by what they say, not by when they come."""
 

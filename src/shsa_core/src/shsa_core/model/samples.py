@@ -55,17 +55,17 @@ class StampSample:
 
 
 Part = Union[str, int]
-"""A frame of a message, or the length of an array."""
+Parts = Tuple[Tuple[str, Part], ...]
+"""The frames of a message, and the lengths of its arrays, each by its name."""
 
 
 @dataclass(frozen=True)
 class FormSample:
-    """A part of a message, by its name: what it is, and the least and the most that it was."""
+    """A part of a message, by its name: what it is, and what it always was before."""
 
     name: str
     found: Part
-    least: Part
-    most: Part
+    usual: Part
 
 
 @dataclass(frozen=True)

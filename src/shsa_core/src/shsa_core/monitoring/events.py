@@ -7,7 +7,7 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
-from shsa_core.model.samples import Part
+from shsa_core.model.samples import Parts
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
@@ -157,7 +157,7 @@ class Message(PublisherEvent):
     waited: float = 0.0
     apart: Optional[float] = None
     stamp: int = 0
-    form: Tuple[Tuple[str, Part], ...] = ()
+    form: Parts = ()
 
 
 @dataclass(frozen=True)

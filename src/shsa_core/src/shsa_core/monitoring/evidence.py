@@ -1,15 +1,15 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import FormSample, RateSample, StampSample, ValueSample
+from shsa_core.model.samples import FormSample, Part, RateSample, StampSample, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.form import Form, Usual
+from shsa_core.monitoring.form import Form
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
 from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
@@ -23,14 +23,8 @@ class Finding:
     detail: str
 
 
-@dataclass
-class Learned:
-    """Knowledge of one node that outlives a process: of its values by property and field, and of
-    the form of its messages, of which another process is only told.
-    """
-
-    values: Dict[Tuple[str, str], Stillness] = field(default_factory=dict)
-    form: Usual = field(default_factory=dict)
+Learned = Dict[Tuple[str, str], Stillness]
+"""Knowledge of the values of one node, by property and field."""
 
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
@@ -38,10 +32,9 @@ def checked_provisions(service: Service) -> Tuple[Provision, ...]:
     return tuple(each for each in service.provides if each.usual or _checks_of(each))
 
 
-def checks_head(service: Service) -> Tuple[bool, bool]:
-    """Tell if any check needs the stamp in the header, and if any needs the form of messages."""
-    checks = service.checks.each
-    return bool(_of(checks, StampSample)), bool(service.period and _of(checks, FormSample))
+def checks_header(service: Service) -> bool:
+    """Tell if any check needs the header."""
+    return any(each.sample in (FormSample, StampSample) for each in service.checks.each)
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
@@ -72,8 +65,7 @@ class _Value:
         self._checks = _of(_checks_of(provision), ValueSample)
         key = provision.property, provision.field
         self._learns = learned is not None
-        values = {} if learned is None else learned.values
-        self._run = Run(values.setdefault(key, Stillness()))
+        self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
         self.good: Optional[float] = None
         self._newest: Optional[float] = None
         self.outside: Optional[ValueSample] = None
@@ -146,20 +138,24 @@ class Verdict:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `properties`: those whose values are judged; `compares`: with what is usual of them. `learned`:
-    what is known of its values from before; None: nothing is learned, as of a substitute, whose
-    program may change.
+    `properties`: those whose values are judged. `learned`: what is known of its values from before;
+    None: nothing is learned, as of a substitute, whose program may change. `form`: of the messages
+    of the process before it, and then of its own.
     """
 
-    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
+    def __init__(
+        self,
+        service: Service,
+        learned: Optional[Learned] = None,
+        form: Optional[Dict[str, Part]] = None,
+    ) -> None:
         checks = service.checks
-        self._verdict = Verdict(checks)
+        self.verdict = Verdict(checks)
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
-        form = None if learned is None or service.period is None else Form(learned.form)
-        self._form, self._form_checks = form, _of(checks.each, FormSample) if form else ()
-        self._compares = any(each.usual for each in checked)
+        judged = () if learned is None or service.period is None else checks.each
+        self._form, self._form_checks = Form({} if form is None else form), _of(judged, FormSample)
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -185,14 +181,8 @@ class Evidence:
 
     @property
     def unusual(self) -> str:
-        """The first of its values that is not as usual, in words; empty: all are."""
-        texts = (each.unusual for each in (*self._values, self._form) if each is not None)
-        return next(filter(None, texts), "")
-
-    @property
-    def compares(self) -> bool:
-        """True if anything is known that its messages need not be, but usually are."""
-        return self._compares or bool(self._form and self._form.unusual)
+        """The first of what is not as usual, in words; empty: all is."""
+        return next((each.unusual for each in self._values if each.unusual), self._form.unusual)
 
     @property
     def span(self) -> float:
@@ -205,14 +195,9 @@ class Evidence:
         times = [each[1] for each in self._times]
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
-    @property
-    def recovery(self) -> int:
-        """So many good messages in a row end a failure."""
-        return self._verdict.recovery
-
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps and forms on the same connection."""
-        self._form = self._form and other._form
+        self._form = other._form
         if self._stamps.period == other._stamps.period:
             self._stamps = other._stamps
 
@@ -222,10 +207,6 @@ class Evidence:
         good = {each.name: each.good for each in other._values}
         for value in self._values:
             value.good = good.get(value.name)
-
-    def clear(self) -> None:
-        """Forget what was bad."""
-        self._verdict.clear()
 
     def violation(self, service: Service) -> Optional[Finding]:
         """Return how what was good so far violates the changed numbers of its service."""
@@ -254,9 +235,9 @@ class Evidence:
             finding = finding or found
         good = finding is None and not failed
         self._heard_stamp(message, good)
-        if self._form is not None and good:
+        if self._form_checks and good:
             self._form.heard(message.form)
-        guilty = self._verdict.add(finding is not None)
+        guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
@@ -273,9 +254,8 @@ class Evidence:
                     message.time, message.stamp, message.age, message.waited
                 )
             yield judge(self._stamp_checks, sample)
-        if self._form is not None:
-            for form in self._form.samples(message.form):
-                yield judge(self._form_checks, form)
+        for form in self._form.samples(message.form):
+            yield judge(self._form_checks, form)
         if self._rate_checks:
             yield self._look_at_rate(message)
 

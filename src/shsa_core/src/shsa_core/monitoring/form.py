@@ -1,42 +1,33 @@
-"""The frames and the lengths of arrays in one publisher's messages, as its first good ones had them."""
-from typing import Dict, Iterator, Tuple
+"""Learns which frames a publisher names, and how long its arrays are: what is always the same."""
+from typing import Dict, Iterator
 
-from shsa_core.model.samples import FormSample, Part
+from shsa_core.model.samples import FormSample, Part, Parts
 from shsa_core.monitoring import settings
-
-Parts = Tuple[Tuple[str, Part], ...]
-Usual = Dict[str, Tuple[Part, Part]]
-"""The least and the most of each part."""
 
 
 class Form:
-    """The form of one publisher's messages. `before`: of its predecessor's, and then its own."""
+    """The form of one publisher's messages. `usual`: of its predecessor's, and then its own."""
 
-    def __init__(self, before: Usual) -> None:
-        self._count, self._before = 0, before
-        self._usual: Usual = {}
-        self._good: Parts = ()
+    def __init__(self, usual: Dict[str, Part]) -> None:
+        self._count, self._same, self._usual = 0, dict(usual), usual
         self.unusual = ""
 
     def samples(self, parts: Parts) -> Iterator[FormSample]:
-        """Yield what is to be judged of a message."""
-        if self._count >= settings.AGES and parts != self._good:
+        """Yield what a message has otherwise than all of the first good ones."""
+        if self._count >= settings.AGES:
             for name, part in parts:
-                if name in self._usual:
-                    yield FormSample(name, part, *self._usual[name])
+                if self._same.get(name, part) != part:
+                    yield FormSample(name, part, self._same[name])
 
     def heard(self, parts: Parts) -> None:
         """Learn from a good message."""
-        self._good = parts
         if self._count >= settings.AGES:
             return
-        self._count += 1
-        for name, part in parts:
-            least, most = self._usual.get(name, (part, part))
-            self._usual[name] = min(least, part), max(most, part)  # type: ignore[type-var]
+        known, self._count = self._same if self._count else dict(parts), self._count + 1
+        self._same = {name: part for name, part in parts if known.get(name) == part}
         if self._count == settings.AGES:
-            for name, (_, most) in self._usual.items():
-                former = self._before.get(name, (most, most))[1]
-                if former != most:
-                    self.unusual = f"{name} is {most!r}, and was {former!r} before its node was started again"
-            self._before.update(self._usual)
+            for name, part in self._same.items():
+                if self._usual.get(name, part) != part:
+                    before = f"{self._usual[name]!r} before its node was started again"
+                    self.unusual = f"{name} is {part!r}, and was {before}"
+            self._usual.update(self._same)

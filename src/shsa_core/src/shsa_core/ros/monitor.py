@@ -171,12 +171,9 @@ class MonitorNode:
         """Feed what happened at a connection."""
         if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
-        elif isinstance(happening, subscriptions.Gone):
-            self._feed(events.Disconnected(*happening))
-        elif isinstance(happening, subscriptions.Interrupted):
-            self._feed(events.Interrupted(*happening))
-        elif isinstance(happening, subscriptions.Connected):
-            self._feed(events.Connected(*happening))
+        elif isinstance(happening, events.PublisherEvent):
+            self._feed(happening)
+        if isinstance(happening, events.Connected):
             service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
