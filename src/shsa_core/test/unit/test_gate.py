@@ -13,12 +13,12 @@ from rospy.msg import serialize_message
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
 
-from shsa_core.gating.events import Arrived, Left, Log, Overheard, Pass, Tick
+from shsa_core.gating.events import Arrived, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
 from shsa_core.model.checks import LEARNED, Jump, Stuck, Witness
 from shsa_core.model.error import Error
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Message, SubstitutionsChanged
+from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChanged
 from shsa_core.ros.messages.fields import stamp as stamp_of
 from shsa_core.ros.rospy_patches.publishing import as_written
 
@@ -365,7 +365,7 @@ def test_at_a_high_rate_a_second_gate_grants_the_first_what_a_busy_machine_costs
 
 
 def test_a_second_gate_takes_over_at_once_when_the_first_is_gone(second: Stand) -> None:
-    second.feed(Left(second.time, FIRST))
+    second.feed(Disconnected(second.time, HEARD, FIRST))
     second.run(10)
     assert len(second.heard) == 10
 
@@ -388,7 +388,7 @@ def test_a_stranger_does_not_mute_a_second_gate(second: Stand) -> None:
 
 def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second: Stand) -> None:
     second.feed(Overheard(second.time, FIRST, 500 * NS))
-    second.feed(Left(second.time, FIRST))
+    second.feed(Disconnected(second.time, HEARD, FIRST))
     second.until(second.time + PERIOD)
     (filled,) = second.message(2.0, SUBSTITUTE, stamp=500 * NS - 100)
     assert filled.stamp == 500 * NS + 1
@@ -400,7 +400,7 @@ def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -
 
 
 def test_another_gate_that_leaves_changes_nothing(second: Stand) -> None:
-    second.feed(Left(second.time, "/another_gate"))
+    second.feed(Disconnected(second.time, HEARD, "/another_gate"))
     assert not second.said and not second.message(2.0, SUBSTITUTE)
 
 
@@ -513,6 +513,6 @@ def test_another_process_of_the_node_is_not_held_to_what_the_first_did() -> None
     stand.run(60)
     stand.run(10, 61.0)
     assert stand.values()[-5:] == [2.0] * 5
-    stand.feed(Left(stand.time, NODE))
+    stand.feed(Disconnected(stand.time, RAW, NODE))
     stand.run(5)
     assert stand.values()[-5:] == [1.0] * 5

@@ -90,7 +90,7 @@ class Gate:
                 SubstitutionsChanged: self._substitutions_changed,
                 Arrived: self._arrived,
                 events.Overheard: self._overheard,
-                events.Left: self._left,
+                events.Disconnected: self._disconnected,
                 events.Tick: self._tick,
             },
         )
@@ -233,7 +233,7 @@ class Gate:
         text = f"{self._service.heard}: {event.publisher} is back, it goes on"
         return [] if was_muted else [Log(Level.INFO, text)]
 
-    def _left(self, event: events.Left) -> List[Command]:
+    def _disconnected(self, event: events.Disconnected) -> List[Command]:
         """Take over from a gate that is gone: nobody has to wait for its silence."""
         if event.publisher == self._service.node:
             self._original.begin_anew()

@@ -9,7 +9,7 @@ from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.naming import Names
 from shsa_core.healing.planner import AnyPlan, Planner
 from shsa_core.model.checks import BY_VALUE
-from shsa_core.model.kinds import BY_FORM, BY_LINK, Contain, Kind
+from shsa_core.model.kinds import BY_LINK, Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -64,7 +64,7 @@ def decide(case: Case) -> Verdict:
         return Verdict(False, f"{kept}: the SOM says so of {topic}")
     if case.protected:
         return Verdict(False, f"{kept}: {case.protected}")
-    if case.kind in BY_FORM:
+    if case.kind in (Kind.FRAME, Kind.LENGTH):
         return Verdict(False, f"{kept}: its settings may have been changed")
     silent = case.kind in MISSED
     if case.restarted:

@@ -239,9 +239,6 @@ REGISTRY: Dict[str, Type[Check]] = {
 The first that finds something tells its kind.
 """
 
-OFF_FOR_DISTANCES = (Kind.NOT_A_NUMBER, Kind.STUCK)
-"""Nothing in reach reads the same for as long as that lasts."""
-
 BY_VALUE = tuple(
     Kind(name)
     for name, check in REGISTRY.items()
@@ -269,8 +266,8 @@ def default_checks(
 
 def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:
     """Return the limit of a check where the SOM says nothing; None: it is off."""
-    if is_distance and kind in OFF_FOR_DISTANCES:
-        return None
+    if is_distance and kind in (Kind.NOT_A_NUMBER, Kind.STUCK):
+        return None  # nothing in reach reads the same for as long as that lasts
     return REGISTRY[str(kind)].default
 
 
@@ -282,7 +279,8 @@ class Checks:
     """The checks of a service's messages as a whole; those of one value stand with its property.
 
     `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and
-    goes does. So do `seldom` among ten times as many. `recovery` good ones in a row end it.
+    goes does. So do twice as many among LONG_WINDOW times as many. `recovery` good ones in a row
+    end it.
     """
 
     each: Tuple[Check, ...] = default_checks(of_values=False)
@@ -290,8 +288,3 @@ class Checks:
     of: int = 10
 
     recovery: ClassVar[int] = 5
-
-    @property
-    def seldom(self) -> int:
-        """So many bad messages among the last LONG_WINDOW times `of` make a failure."""
-        return 2 * self.bad

@@ -45,10 +45,6 @@ BY_LINK = (Kind.SILENT, Kind.NEVER_PUBLISHED, Kind.RATE_LOW, Kind.RATE_HIGH)
 """The failures that a bad link shows of a node on another computer that does well."""
 
 
-BY_FORM = (Kind.FRAME, Kind.LENGTH)
-"""The failures that a live node is never ended for: its settings may have been changed."""
-
-
 class Contain(Word):
     """The node of a failed service is killed, or never, where the SOM decides that."""
 

@@ -110,7 +110,7 @@ class Verdict:
     """Counts the bad messages among the last ones: noise is no fault, what comes and goes is."""
 
     def __init__(self, checks: Checks) -> None:
-        self._bad, self._seldom, self._least = checks.bad, checks.seldom, checks.recovery
+        self._bad, self._seldom, self._least = checks.bad, 2 * checks.bad, checks.recovery
         self._short, self._long = (1 << checks.of) - 1, (1 << LONG_WINDOW * checks.of) - 1
         self._history = self._past = 0
         self.recovery = checks.recovery

@@ -86,7 +86,7 @@ class GateNode:
             if isinstance(happening, Arrived):
                 self._arrived(happening, newest[happening.connection] is happening.data)
             elif isinstance(happening, Disconnected):
-                self._feed(events.Left(happening.time, happening.publisher))
+                self._feed(happening)
             elif isinstance(happening, Looked):
                 self._feed(events.Tick(happening.time))
 
