@@ -204,6 +204,19 @@ def test_a_node_with_duties_is_not_to_be_killed_and_the_draft_says_why(read: Rea
     assert "    contain: none  # it serves /reset, which nothing takes over\n" in made.som
 
 
+def test_what_a_node_subscribes_to_is_not_replaced_by_what_it_publishes(read: Reader) -> None:
+    robot = Robot()
+    robot.says("/velocity", drive(), node="/dvl")
+    robot.says("/depth", drive(), node="/pressure")
+    robot.says("/odom", drive(), node="/nav")
+    heard = {("/velocity", "/nav"), ("/depth", "/nav"), ("/odom", "/nav"), ("/unknown", "/nav")}
+    read.listed = frozenset(), frozenset(heard), frozenset()
+    som, made = read(robot.survey())
+    assert som.services["odom"].derived_from == ("depth", "velocity")
+    assert not som.services["velocity"].derived_from
+    assert "    derived_from: [depth, velocity]  # its node subscribes to them" in made.som
+
+
 def test_two_robots_on_one_master(read: Reader) -> None:
     robot = Robot()
     for name in ("/robot1", "/robot2"):

@@ -63,7 +63,7 @@ class Commands:
         self._health.update(rows, removed)
 
     def _tell_health(self, change: events.HealthChanged) -> None:
-        """Tell failures at once, people last; else a turn's changes are published together."""
+        """Tell failures at once; else a turn's changes are published together."""
         self._changes.update({key: None for key in change.removed})
         rows, failed = self._last_messages.rows(change)
         self._changes.update({row.key: row for row in rows})
@@ -71,9 +71,6 @@ class Commands:
             self.tell_changes()
         for row in failed:
             self._failures.publish(self._sign(wire.failure_message(row)))
-            blamed = f"{row.publisher} fails" if row.publisher else "nobody publishes"
-            # The reconfigurator tells people.
-            rospy.logdebug("%s: %s, %s: %s.", row.topic, blamed, row.kind, row.detail)
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

@@ -8,7 +8,7 @@ import sys
 import threading
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, List, Optional, Tuple, get_args
+from typing import Callable, Dict, List, Optional, Set, Tuple, get_args
 
 import rospy
 from shsa_msgs import msg
@@ -155,6 +155,7 @@ class ReconfiguratorNode:
         )
         self._decided = clock.now()
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
+        self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
         self._may_act(som)
@@ -192,9 +193,6 @@ class ReconfiguratorNode:
 
         Unless another reconfigurator follows, which takes them up.
         """
-        needed = ", ".join(service.topic for service in self._core.needed())
-        does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
-        rospy.loginfo("Reconfigurator ready, %s: %s.", does, needed or "nothing")
         self._spins = True
         while not rospy.is_shutdown():
             self._companion.beat()
@@ -335,8 +333,17 @@ class ReconfiguratorNode:
             for a, b in zip(self._listed, now)
         ]
         self._listed = now
-        if any(new):
+        if any(new) or self._healed is None:
             self._put(events.GraphSeen(clock.now(), *new))
+            self._queue.put(self._tell_healed)
+
+    def _tell_healed(self) -> None:
+        """Say what is healed, once subscribers are known, and again when that is more."""
+        topics = [service.topic for service in self._core.needed()]
+        if self._healed is None or not self._healed.issuperset(topics):
+            does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
+            rospy.loginfo("Reconfigurator ready, %s: %s.", does, ", ".join(topics) or "nothing")
+            self._healed = {*topics, *(self._healed or ())}
 
     def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
         self._substitutions.update(map(substitution_message, command.rows), command.removed)

@@ -46,6 +46,7 @@ HEAD = """\
 #  - `period: none` is event-driven: it is never silent. Where that is wrong, give a period in s.
 #  - `contain: none`: the node is never killed, for what stands behind it.
 #    `contain: node`: it is killed all the same. Without either, healing decides.
+#  - `derived_from`: what a service is computed from; none of these is ever replaced by it.
 #  - A topic is healed while somebody subscribes to it. `needed: true` or `needed: false` says
 #    otherwise. docs/reference/som.md has all keys.
 """
@@ -101,7 +102,7 @@ def draft(
             used = taken
     said = [f"# {shown(note, LONGEST)}" for note in notes]
     head = HEAD.format(source=shown(source, LONGEST)).splitlines() + said
-    services = _contained([line for entry in entries for line in entry.som], survey, listed)
+    services = _by_graph([line for entry in entries for line in entry.som], survey, listed)
     properties = [line for entry in entries for line in entry.ontology]
     som = [*head, "services:" if services else "services: {}", *services, *_left_out(refused)]
     ontology = ONTOLOGY_HEAD.format(source=shown(source, LONGEST)).splitlines()
@@ -114,24 +115,33 @@ def _text(lines: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _contained(services: List[str], survey: Survey, listed: Listed) -> List[str]:
-    """Return the services, where those of a node with duties say that it is not killed, and why."""
+def _by_graph(services: List[str], survey: Survey, listed: Listed) -> List[str]:
+    """Return the services with what the graph tells of their nodes.
+
+    One with duties is not killed. What it publishes may be computed from what it subscribes to: a
+    substitute that reads the one for the other would hear itself.
+    """
     if not services:
         return []
     publishers = listed[0] | {(each.topic, each.node) for each in survey.refused}
     publishers |= {(each.publisher.topic, each.publisher.node) for each in survey.facts}
     som, _ = read_tree(parse_yaml(_text(["services:", *services]), "the draft"))
     duties = duties_of(som, Names("/"), publishers, *listed[1:])
-    reasons = iter([" and ".join(duties.get(each.node, ())) for each in som])
-    lines: List[str] = []
-    for line in services:
-        reason = next(reasons) if line == PROVIDES else ""
+    told: List[List[str]] = []
+    for service in som:
+        lines = []
+        reason = " and ".join(duties.get(service.node, ()))
         if reason:
-            lines.append(
-                f"    contain: none  # it {shown(reason, LONGEST)}, which nothing takes over"
-            )
-        lines.append(line)
-    return lines
+            why = f"it {shown(reason, LONGEST)}, which nothing takes over"
+            lines.append(f"    contain: none  # {why}")
+        read = [each for each in som if (each.topic, service.node) in listed[1]]
+        names = [each.name for each in read if each.node != service.node]
+        if names:
+            why = "its node subscribes to them: keep those that it is computed from"
+            lines.append(f"    derived_from: [{', '.join(names)}]  # {why}")
+        told.append(lines)
+    found = iter(told)
+    return [new for line in services for new in (*(next(found) if line == PROVIDES else ()), line)]
 
 
 def _invalid(entry: _Entry) -> str:

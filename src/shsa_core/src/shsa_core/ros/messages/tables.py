@@ -133,11 +133,6 @@ class TablePublisher(rospy.SubscribeListener):
         rows = [self._rows[key] for key in self._concerned(channel, self._rows)]
         self._send(channel, [connection], True, rows, [])
 
-    def unregister(self) -> None:
-        """Publish no more."""
-        if self._publisher is not None:
-            self._publisher.unregister()
-
     def _send(
         self,
         channel: _Channel,
