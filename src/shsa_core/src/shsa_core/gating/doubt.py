@@ -17,7 +17,7 @@ Values = Dict[str, Optional[float]]
 
 
 class Doubt:
-    """What speaks against the values of a service's node. Times in s."""
+    """Compares the values of a service's node with those of its substitute. Times in s."""
 
     def __init__(self, service: Service) -> None:
         pairs = ((each, check) for each in service.provides for check in each.checks)
