@@ -7,7 +7,7 @@ Table = Dict[Type[Any], Callable[[Any], Result]]
 
 
 def members(kind: Any) -> Tuple[Type[Any], ...]:
-    """Return the classes of a union, or those that are made of a dataclass, and of which none is."""
+    """Return the classes of a union, or those made of a dataclass of which no other is made."""
     if get_args(kind):
         return get_args(kind)
     made = kind.__subclasses__() if is_dataclass(kind) else ()

@@ -19,7 +19,7 @@ class Place(Word):
 class FaultWord:
     """One fault: where it is made, and what it does, in words.
 
-    `stamp`: only where messages have a std_msgs/Header, with its stamp; `innocent`: the topic's node does nothing
+    `stamp`: only where messages have a std_msgs/Header; `innocent`: the topic's node does nothing
     wrong.
     """
 
