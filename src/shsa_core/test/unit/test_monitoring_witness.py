@@ -238,6 +238,17 @@ def test_by_known_errors_a_drift_is_found(judged: Ontology) -> None:
     assert robot.kinds() == {"current": "witness"} and 20 <= second <= 33
 
 
+def test_by_known_errors_a_fast_drift_is_found_in_six_seconds(judged: Ontology) -> None:
+    """At 5 %/s: 0.5 A/s."""
+    robot = Robot(judged, *with_known_errors(), known("draw", 0.1))
+    robot.run(20.0)
+    for step in range(65):
+        robot.run(0.1, current=10.0 + 0.05 * step)
+        if robot.failures:
+            break
+    assert robot.kinds() == {"current": "witness"} and step <= 62
+
+
 def test_by_known_errors_a_sensor_that_stuck_is_found_once_the_value_moves(
     judged: Ontology,
 ) -> None:

@@ -1,7 +1,8 @@
 """A lost connection is no failure while its node lives: real sockets, rospy's own connections."""
+import os
 import struct
 import time
-from typing import Any
+from typing import Any, Sized, Tuple
 
 import pytest
 from plain_sockets import HOST, Monitor, Node, framed
@@ -11,6 +12,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
 from shsa_core.ros.sockets.subscriptions import Arrived, Looked
+from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
 
@@ -215,3 +217,25 @@ def test_a_message_that_is_too_large_is_not_kept(
     monitor.until(lambda: time.monotonic() > end)
     (connection,) = monitor.connections._standing.values()
     assert len(connection.frames) < 1000 and monitor.seen == []
+
+
+def test_nothing_is_kept_of_a_node_that_comes_and_goes(monitor: Monitor) -> None:
+    connections = monitor.connections
+    parts = connections, connections._identities, connections._reconnection
+
+    def kept() -> Tuple[int, int]:
+        held = (each for part in parts for each in vars(part).values() if isinstance(each, Sized))
+        return len(os.listdir("/proc/self/fd")), sum(map(len, held))
+
+    counts = []
+    for _ in range(1000 if LONG else 20):
+        node = Node(monitor.topic)
+        monitor.connect(node)
+        node.send(framed(b"data"))
+        monitor.until(lambda: bool(monitor.data))
+        node.die()
+        monitor.until(lambda: monitor.kinds() == ["Disconnected"])
+        monitor.seen.clear()
+        monitor.data.clear()
+        counts.append(kept())
+    assert max(counts[-5:]) <= max(counts[:5])

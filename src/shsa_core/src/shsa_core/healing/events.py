@@ -202,9 +202,15 @@ class SubstituteStarted(NodeEvent):
 
 @dataclass(frozen=True)
 class ProcessExited(NodeEvent):
-    """The process of a substitute ended, or never started."""
+    """The process of a substitute ended, or was never `started`."""
 
     detail: str
+    started: bool = True
+
+    @property
+    def told(self) -> str:
+        """What happened, in words."""
+        return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)

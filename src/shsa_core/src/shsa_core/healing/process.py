@@ -176,7 +176,7 @@ class Processes:
         if node in self.pool.processes:
             self.pool.died(event.time, node)
             self._forget(node)
-            text = f"An idle substitute's process died ({event.detail})."
+            text = f"An idle substitute failed: {event.told}."
             return (), [Log(Level.WARN, text)]
         for name in served:
             self.leave(name, node)
