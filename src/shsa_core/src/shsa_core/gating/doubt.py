@@ -9,11 +9,13 @@ from typing import Dict, Iterable, Optional, Tuple
 
 from shsa_core.gating import settings
 from shsa_core.model.checks import LEARNED, Witness
-from shsa_core.model.service import Service, Signal
+from shsa_core.model.service import Service
+from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.settings import SAMPLE_S
 from shsa_core.monitoring.witness import spread
 
 Values = Dict[str, Optional[float]]
+Rows = Iterable[Substitution]
 
 
 class Doubt:
@@ -25,9 +27,9 @@ class Doubt:
         self._agreed: Dict[str, Tuple[float, float]] = {}  # what both said when they agreed last
         self._since = inf
 
-    def holds(self, said: Values, derived: Values, outputs: Iterable[Signal], time: float) -> bool:
+    def holds(self, said: Values, derived: Values, rows: Rows, time: float) -> bool:
         """Tell if a message is doubted: the node `said` what its substitute did not derive."""
-        errors = {each.field: each.error for each in outputs}
+        errors = {each.field: each.error for row in rows for each in row.outputs}
         doubted = False
         for each, limit in self._limits:
             allowed = spread(errors.get(each.field)) if limit == LEARNED else limit

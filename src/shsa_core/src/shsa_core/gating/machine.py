@@ -197,11 +197,10 @@ class Gate:
         if newest is None or event.time - newest.time > self._periods(settings.OLD):
             return False
         publisher = newest.message.publisher
-        rows = [row for row in self._rows.values() if row.node == publisher]
-        outputs = [each for row in rows for each in row.outputs]
+        rows = (row for row in self._rows.values() if row.node == publisher)
         both = (self._original.evidence, event.message), (self._judges[publisher], newest.message)
         said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
-        return self._doubt.holds(said, derived, outputs, event.time)
+        return self._doubt.holds(said, derived, rows, event.time)
 
     def _tell(self, before: Optional[Finding], after: Optional[Finding]) -> List[Command]:
         if (before is None) is (after is None) or self._muted:

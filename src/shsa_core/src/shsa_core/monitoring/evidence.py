@@ -5,7 +5,7 @@ from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import FormSample, Part, RateSample, StampSample, ValueSample
+from shsa_core.model.samples import FormSample, RateSample, StampSample, Usual, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
@@ -144,10 +144,7 @@ class Evidence:
     """
 
     def __init__(
-        self,
-        service: Service,
-        learned: Optional[Learned] = None,
-        form: Optional[Dict[str, Part]] = None,
+        self, service: Service, learned: Optional[Learned] = None, form: Optional[Usual] = None
     ) -> None:
         checks = service.checks
         self.verdict = Verdict(checks)

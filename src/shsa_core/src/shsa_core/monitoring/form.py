@@ -1,14 +1,14 @@
 """Learns which frames a publisher names, and how long its arrays are: what is always the same."""
-from typing import Dict, Iterator
+from typing import Iterator
 
-from shsa_core.model.samples import FormSample, Part, Parts
+from shsa_core.model.samples import FormSample, Parts, Usual
 from shsa_core.monitoring import settings
 
 
 class Form:
     """The form of one publisher's messages. `usual`: of its predecessor's, and then its own."""
 
-    def __init__(self, usual: Dict[str, Part]) -> None:
+    def __init__(self, usual: Usual) -> None:
         self._count, self._same, self._usual = 0, dict(usual), usual
         self.unusual = ""
 

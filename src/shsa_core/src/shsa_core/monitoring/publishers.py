@@ -4,7 +4,7 @@ from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.checks import Check
-from shsa_core.model.samples import IntruderSample, Part
+from shsa_core.model.samples import IntruderSample, Usual
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
@@ -37,7 +37,7 @@ class WatchedService:
     published: bool = False
     overdue: bool = False
     learned: Learned = field(default_factory=dict)
-    form: Dict[str, Part] = field(default_factory=dict)
+    form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:

@@ -31,13 +31,6 @@ class Event:
 
 
 @dataclass(frozen=True)
-class TopicEvent(Event):
-    """Something has happened on a topic."""
-
-    topic: str
-
-
-@dataclass(frozen=True)
 class RowChanged(Event):
     """The table of substitutions has a new row of this node; the first: it was started with that.
 
@@ -81,9 +74,10 @@ class PlansChanged(Event):
 
 
 @dataclass(frozen=True)
-class InputArrived(TopicEvent):
+class InputArrived(Event):
     """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
 
+    topic: str
     publisher: str
     values: Tuple[Tuple[str, float], ...]
     stamp: int = 0
@@ -91,14 +85,17 @@ class InputArrived(TopicEvent):
 
 
 @dataclass(frozen=True)
-class Advertised(TopicEvent):
+class Advertised(Event):
     """A topic that was to be advertised is registered at the master: messages can be published."""
+
+    topic: str
 
 
 @dataclass(frozen=True)
-class ConsumerJoined(TopicEvent):
+class ConsumerJoined(Event):
     """A consumer has connected to an advertised topic."""
 
+    topic: str
     consumer: str
 
 
@@ -124,20 +121,22 @@ class OriginalServes(Event):
 
 
 @dataclass(frozen=True)
-class OtherHeard(TopicEvent):
+class OtherHeard(Event):
     """Somebody else, `publisher`, has published on a topic that is overheard."""
 
+    topic: str
     publisher: str = ""
     stamp: int = 0
 
 
 @dataclass(frozen=True)
-class OtherGone(TopicEvent):
+class OtherGone(Event):
     """The node of somebody else, `publisher`, on a topic that is overheard is gone.
 
     Its connection has ended, and nobody listens any more where it did. All that it said is told.
     """
 
+    topic: str
     publisher: str
 
 
