@@ -5,6 +5,6 @@ setup(
     **generate_distutils_setup(
         packages=find_packages("src"),
         package_dir={"": "src"},
-        package_data={"shsa_view": ["py.typed", "page/*"]},
+        package_data={"shsa_view": ["py.typed", "page/*.*", "page/uplot/*"]},
     )
 )

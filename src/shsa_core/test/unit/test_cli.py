@@ -167,9 +167,9 @@ def test_find_lists_all_in_words(shsa: Shsa, monkeypatch: Any) -> None:
 
 def test_wrong_names_are_named(shsa: Shsa) -> None:
     status, _, err = shsa("find", "curent")
-    assert status == 2 and "no such property; did you mean current?" in err
+    assert status == 2 and "no such property, service, topic or node; did you mean current" in err
     status, _, err = shsa("find", "xyz")
-    assert status == 2 and "known are current, depth" in err
+    assert status == 2 and "known are /" in err
     status, _, err = shsa("find", "current", "--without", "/logg")
     assert status == 0 and "no service in the SOM has the node or topic /logg" in err
 
@@ -184,7 +184,7 @@ def test_wrong_calls_have_the_status_2(capsys: Any) -> None:
 
 
 def test_find_a_whole_topic(shsa: Shsa, capsys: Any) -> None:
-    status, out, _ = shsa("find", "--topic", "/voltage", "--json")
+    status, out, _ = shsa("find", "/voltage", "--json")
     answer = json.loads(out)
     (service,) = answer["services"]
     assert status == 0 and answer["topic"] == "/voltage"
@@ -192,11 +192,12 @@ def test_find_a_whole_topic(shsa: Shsa, capsys: Any) -> None:
     assert service["relations"] == ["law", "propeller"] and service["proven_best"]
     assert service["inputs"] == ["/speed/data", "/current/data"]
     assert service["output"] == "/voltage/data" and service["code"].endswith("y=t3\n")
-    status, out, _ = shsa("find", "--topic", "/flow")
+    status, out, _ = shsa("find", "/flow")
     assert status == 1 and out.startswith("Nothing replaces the service flow. Missing: any")
-    status, _, err = shsa("find", "--topic", "/volts")
-    assert status == 2 and "did you mean /voltage?" in err
-    assert shsa("find", "--topic", "/flow", "--method", "all")[0] == 2
+    for words in (["/volts"], ["--topic", "/volts"]):
+        status, _, err = shsa("find", *words)
+        assert status == 2 and "did you mean /voltage" in err
+    assert shsa("find", "/flow", "--method", "all")[0] == 2
 
 
 def test_find_two_services_of_one_topic(tmp_path: pathlib.Path, capsys: Any) -> None:
@@ -210,7 +211,7 @@ def test_find_two_services_of_one_topic(tmp_path: pathlib.Path, capsys: Any) -> 
         "  speed: {topic: /log, type: p/T, period: 1, node: /log, provides: {speed: {field: d}}}\n"
     )
     models = ["--ontology", MODELS[1], "--som", str(som)]
-    assert main(["find", "--topic", "/joints", "--json", *models]) == 0
+    assert main(["find", "/joints", "--json", *models]) == 0
     left, right = json.loads(capsys.readouterr().out)["services"]
     assert (left["output"], right["output"]) == ("/joints/a,/joints/b", "/joints/c")
     assert left["relations"] == ["fit", "law"] and right["relations"] == ["law"]
@@ -260,7 +261,7 @@ def cart(tmp_path: pathlib.Path, capsys: Any) -> Callable[..., Tuple[int, str]]:
 
 
 def test_all_commands_say_that_a_topic_is_lost_with_one_of_its_values(cart: Any) -> None:
-    for words in (["speed"], ["--topic", "/odom"], ["--service", "odometry"]):
+    for words in (["speed"], ["/odom"], ["--topic", "odom"], ["odometry"], ["/drive"]):
         status, out = cart("", "find", *words)
         assert status == 1 and "Nothing replaces the service odometry. Missing: any" in out
         assert "any relation that yields the service" not in out
@@ -309,10 +310,10 @@ def test_find_says_what_shares_a_cause(cart: Any, tmp_path: pathlib.Path) -> Non
     hub = "  fast: {topic: /fast, type: p/T, node: /f, period: 0.1, needed: true,\n"
     hub += "         fails_with: [hub], provides: {wheel: {field: v}}}\n"
     other = hub.replace("fast", "slow").replace("/f,", "/s,")
-    answer = json.loads(cart(hub + other, "find", "--service", "fast", "--json")[1])
+    answer = json.loads(cart(hub + other, "find", "fast", "--json")[1])
     assert answer["inputs"] == ["/wheel/data"] and "shares" not in answer
     words = ["--without", "/encoder", "--json"]
-    answer = json.loads(cart(hub + other, "find", "--service", "fast", *words)[1])
+    answer = json.loads(cart(hub + other, "find", "fast", *words)[1])
     assert answer["inputs"] == ["/slow/v"] and answer["shares"] == ["hub"]
     status, out = cart(hub + other, "find", "speed", "--without", "/drive", "--without", "hub")
     assert "/wheel/data" in out and status == 1
@@ -322,12 +323,12 @@ def test_find_says_what_is_on_the_same_host(cart: Any) -> None:
     fast = "  fast: {topic: /fast, type: p/T, node: /f, period: 0.1, needed: true,\n"
     fast += "         host: pi, provides: {wheel: {field: v}}}\n"
     two = fast + fast.replace("fast", "slow").replace("/f,", "/s,") + "hosts: {pi: {}, board: {}}\n"
-    answer = json.loads(cart(two, "find", "--service", "fast", "--json")[1])
+    answer = json.loads(cart(two, "find", "fast", "--json")[1])
     assert answer["inputs"] == ["/wheel/data"] and "shares" not in answer
-    status, out = cart(two, "find", "--service", "fast", "--without", "/encoder")
+    status, out = cart(two, "find", "fast", "--without", "/encoder")
     assert "It reads what fails with pi too; nothing else would do" in out
     assert json.loads(cart(two, "find", "wheel", "--without", "/encoder", "--json")[1])["inputs"]
-    status, out = cart(two, "find", "--service", "fast", "--without", "/encoder", "--without", "pi")
+    status, out = cart(two, "find", "fast", "--without", "/encoder", "--without", "pi")
     assert status == 1
 
 
@@ -345,11 +346,6 @@ def test_find_says_what_starts_at_zero(
     assert ("starts at 0" in capsys.readouterr().out) is told
     assert main(["find", "x", "--json", *models]) == 0
     assert ("starts_at_zero" in json.loads(capsys.readouterr().out)) is told
-
-
-def test_wrong_services_are_named(cart: Any, capsys: Any) -> None:
-    assert main(["find", "--service", "volt", *MODELS]) == 2
-    assert "no such service; did you mean voltage?" in capsys.readouterr().err
 
 
 def test_version_is_that_of_the_package(capsys: Any) -> None:

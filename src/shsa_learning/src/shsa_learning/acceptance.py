@@ -84,7 +84,7 @@ def _of(service: Service, told: Sequence[Incident]) -> Advice:
     for each in told:
         if not each.inputs:
             lacks = listed(each.missing) or "any relation that yields its values"
-            notes[f"no substitute: {lacks} is missing; `shsa find --service {service.name}`"] = None
+            notes[f"no substitute: {lacks} is missing; `shsa find {service.topic}`"] = None
     back = [each for each in told if each.returned is not None]
     kills = [each for each in told if " is killed" in each.decision]
     right = [each for each in told if each.inputs and each not in brief and not _poor(each)]

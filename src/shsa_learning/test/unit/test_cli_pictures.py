@@ -136,6 +136,7 @@ def test_report_as_a_table(shsa: Shsa) -> None:
     for words in ("by fit (0.9)", "Nodes that must not fail together", "No node alone is fatal"):
         assert words in out
     assert "2 of 2 needed services can be replaced" in out
+    assert max(map(len, out.splitlines())) <= 100
 
 
 def test_report_as_json(shsa: Shsa) -> None:

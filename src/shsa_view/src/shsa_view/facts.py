@@ -137,6 +137,13 @@ class DutiesTold:
 
 
 @dataclass(frozen=True)
+class CommandsTold:
+    """The commands by which nodes were started, as seen on this computer while they ran."""
+
+    commands: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Healer:
     """The state of `monitor`, `monitor_HOST`, `reconfigurator` or `master`: alive, lost or unknown.
 
@@ -181,6 +188,7 @@ Fact = Union[
     IncidentTold,
     FiguresTold,
     DutiesTold,
+    CommandsTold,
     Healer,
     HostTold,
     TrustTold,

@@ -12,6 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.text import shown
 from shsa_view.errors import Refused
 from shsa_view.guard import HEADERS, host_allowed, token_given
+from shsa_view.history import as_csv
 from shsa_view.live import Document, View
 from shsa_view.streams import encoded
 
@@ -110,6 +111,33 @@ class _WhatIf(_Handler):
         self.answer(await self.view.ask(lambda: self.view.answers.what_if(service, node)))
 
 
+class _Values(_Handler):
+    async def get(self) -> None:
+        """Return the values of a service over time."""
+        service, key = (str(self.get_query_argument(name, "")) for name in ("service", "incident"))
+        if not service or len(service + key) > LONGEST_NAME:
+            raise Refused("name a service: ?service=NAME, and &incident=KEY if you like")
+        self.answer(self.view.values(service, key))
+
+
+class _Timeline(_Handler):
+    async def get(self, kind: str) -> None:
+        """Return the last hour as JSON or as CSV."""
+        timeline = self.view.timeline()
+        if kind == "json":
+            self.answer(encoded(timeline))
+        else:
+            self.set_header("Content-Type", "text/csv; charset=utf-8")
+            self.finish(as_csv(timeline))
+
+
+class _Metrics(_Handler):
+    async def get(self) -> None:
+        """Return the state as text for Prometheus."""
+        self.set_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
+        self.finish(self.view.metrics())
+
+
 class _Actions(_Handler):
     async def post(self, action: str) -> None:
         """Do something, for who has the token."""
@@ -158,6 +186,9 @@ def application(view: View) -> tornado.web.Application:
             (r"/api/events", _Events, arguments),
             (r"/api/graph", _Graph, arguments),
             (r"/api/what_if", _WhatIf, arguments),
+            (r"/api/values", _Values, arguments),
+            (r"/api/timeline\.(json|csv)", _Timeline, arguments),
+            (r"/metrics", _Metrics, arguments),
             (r"/api/actions/([a-z]+)", _Actions, arguments),
             (r"/static/(.+)", _File, arguments),
             (r"/()", _File, arguments),

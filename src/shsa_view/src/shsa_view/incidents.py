@@ -1,5 +1,5 @@
 """The incidents that are shown: those of the log, and those that are told as they happen."""
-from typing import Any, Dict, List, Optional, Set, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Set, Tuple
 
 from shsa_learning.incident_log import MOMENTS, SAME_S
 from shsa_core.healing.incident import Incident, State
@@ -44,6 +44,10 @@ class Incidents:
         """Return the incident of a service that has not ended, and its key."""
         key = self._open.get(service)
         return None if key is None else (key, self._known[key])
+
+    def known(self) -> Iterable[Tuple[str, Incident]]:
+        """Return all of them by their keys."""
+        return self._known.items()
 
     def leave_open(self) -> Set[str]:
         """Nobody works on any of them, until it is told again. Returns the services concerned."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, Optional, Protocol
 
 from shsa_core.ros.workers import Workers
+from shsa_view import metrics
 from shsa_view.errors import Refused
 from shsa_view.facts import Fact
 from shsa_view.state import State
@@ -73,6 +74,18 @@ class View:
             self._document = encoded(self.state.document(self._now()))
         return self._document
 
+    def values(self, service: str, incident: str) -> str:
+        """Return the values of a service as JSON: the newest, or those around an incident."""
+        return encoded(self.state.history.values(service, incident))
+
+    def timeline(self) -> Document:
+        """Return the states and incidents of the last hour."""
+        return self.state.timeline(self._now())
+
+    def metrics(self) -> str:
+        """Return the state as text for Prometheus."""
+        return metrics.text(self.state.document(self._now()))
+
     async def ask(self, question: Callable[[], Document]) -> str:
         """Return the answer to a question as JSON, from another thread. Raises ShsaError."""
         if self._asked >= MOST_ASKED:
@@ -113,7 +126,7 @@ class View:
             self._turn()
             if loop.time() >= second:
                 second = max(second + SECOND_S, loop.time())
-                self.state.second()
+                self.state.second(self._now())
             await asyncio.sleep(TICK_S)
 
     def _turn(self) -> None:

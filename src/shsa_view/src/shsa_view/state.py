@@ -10,9 +10,12 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_view import facts
 from shsa_view.graph import elements
+from shsa_view.history import History
 from shsa_view.incidents import Incidents
 from shsa_view.judgement import LETTERS, Condition, Judgement, judge, of_robot
+from shsa_view.remedies import remedies, why
 from shsa_view.rows import Document, place_of, service_row, values_of
+from shsa_view.witnesses import WitnessTable
 
 VERSION = 1
 STRIP_S = 60
@@ -35,6 +38,9 @@ class State:
         self._substitutes: Dict[str, facts.Substitute] = {}
         self._figures: Dict[str, facts.Figures] = {}
         self._duties: Dict[str, str] = {}
+        self._commands: Dict[str, str] = {}
+        self._witnesses = WitnessTable(self.ontology, self.som)
+        self.history = History()
         self._healers: Dict[str, facts.Healer] = {}
         self._hosts: Dict[str, facts.HostTold] = {}
         self._trust = facts.TrustTold("unchecked", "nothing was heard yet")
@@ -53,6 +59,7 @@ class State:
                 facts.IncidentTold: self._incident_told,
                 facts.FiguresTold: self._figures_told,
                 facts.DutiesTold: self._duties_told,
+                facts.CommandsTold: self._commands_told,
                 facts.Healer: self._healer,
                 facts.HostTold: self._host,
                 facts.TrustTold: self._trusted,
@@ -64,15 +71,33 @@ class State:
         """Heed a fact."""
         self._handlers[type(fact)](fact)
 
-    def second(self) -> None:
-        """Add a letter to the strips: a second has passed."""
+    def second(self, now: float) -> None:
+        """Add a letter to the strips and a sample to the history: a second has passed."""
         self._settle()
+        known = self._newest()
         for name, row in self._rows.items():
             strip = self._strips.setdefault(name, deque(maxlen=STRIP_S))
             strip.append(LETTERS[row["state"]])
             letters = "".join(strip)
             if letters != row["strip"]:
                 self._rows[name] = {**row, "strip": letters}
+            witnesses = self._witnesses.values(tuple(row["properties"]), known)
+            self.history.second(now, name, row, witnesses)
+        self.history.cut(now, self._incidents.known())
+
+    def timeline(self, now: float) -> Document:
+        """Return what the services and the incidents of the last hour were."""
+        return self.history.timeline(now, self._incidents.newest_first())
+
+    def _newest(self) -> Dict[str, float]:
+        """Return the newest value of each property, of a service that is well."""
+        return {
+            name: prop["value"]
+            for row in self._rows.values()
+            if row["state"] == Condition.WELL.value
+            for name, prop in row["properties"].items()
+            if prop["value"] is not None
+        }
 
     def document(self, now: float) -> Document:
         """Return all that is shown."""
@@ -158,10 +183,14 @@ class State:
         judged = judge(node, alone, self._publishers(topic), named, incident)
         self._judged[name] = judged
         active = next((row for row in named if row.publishing), None)
-        row = {
+        row: Document = {
             **service_row(service, running, judged, self._duties.get(name)),
             "incident": incident.id if incident else None,
             "incident_key": key,
+            "why": why(judged, incident),
+            "remedies": remedies(
+                service, judged, incident, self._commands.get(node, ""), self._namespace
+            ),
             "strip": "".join(self._strips.get(name, ())),
             **values_of(self.ontology, service, active, self._figures.get(name), judged),
             "derivation": (
@@ -227,6 +256,9 @@ class State:
             self._duties[told.service] = told.duties
             self._touch({told.service})
 
+    def _commands_told(self, told: facts.CommandsTold) -> None:
+        self._commands.update(told.commands)
+
     def _healer(self, told: facts.Healer) -> None:
         before = self._healers.get(told.name)
         self._healers[told.name] = told
@@ -243,6 +275,7 @@ class State:
 
     def _models_read(self, read: facts.ModelsRead) -> None:
         self.ontology, self.som = read.ontology, read.som
+        self._witnesses = WitnessTable(self.ontology, self.som)
         self._touch({*self._rows, *read.som.services})
 
     def _touch_topics(self, topics: Iterable[str]) -> None:

@@ -8,6 +8,7 @@ MOMENTS = (
     *("last_good", "detected", "killed", "found", "spawned"),
     *("first_message", "returned", "ended"),
 )
+EVIDENCE = "battery_current is 71, allowed -5 to 60 (3 of 3 messages)"
 HOSTILE = "<script>window.hurt = 1</script><img src=x onerror='window.hurt = 1'>"
 
 
@@ -24,8 +25,15 @@ def service(topic: str, properties: Document, **others: Any) -> Document:
     return {
         **{"topic": topic, "type": "std_msgs/Float64", "needed": True, "standby": "warm"},
         **{"period": 0.02, "host": "", "node": node, "state": "well", "detail": ""},
-        **{"publisher": node, "substitute": None, "rate": 50.0, "bridged": 0, "incident": None},
-        "fate": "is kept: it takes /cmd_vel",
+        **{
+            "publisher": node,
+            "substitute": None,
+            "rate": 50.0,
+            "why": "",
+            "bridged": 0,
+            "incident": None,
+        },
+        **{"fate": "is kept: it takes /cmd_vel", "remedies": []},
         **{"properties": properties, "derivation": [], "strip": "u" * 3 + "w" * 57},
         **others,
     }
@@ -50,7 +58,7 @@ def incident(number: int = 1, name: str = "amperemeter", **others: Any) -> Docum
     return {
         **{"key": f"{began}-{number}", "id": number, "service": name, "topic": f"/{name}"},
         **{"faulty_node": f"/{name}", "kind": "node_gone", "state": "healed"},
-        "detail": "the connection to the node was lost",
+        **{"evidence": EVIDENCE, "detail": "the connection to the node was lost"},
         "moments": dict(zip(MOMENTS, told)),
         "substitute": f"/substitute_{name}_1",
         **{"inputs": ["/battery_voltage/data"], "relations": ["power"], "quality": 0.87},
@@ -87,11 +95,13 @@ def hostile() -> Document:
     bad = service(
         f"/{HOSTILE}",
         {HOSTILE: prop(1.0, HOSTILE, 0.1)},
-        **{"state": "substituted", "detail": HOSTILE, "publisher": f"/{HOSTILE}"},
+        **{"state": "substituted", "detail": HOSTILE, "publisher": f"/{HOSTILE}", "why": HOSTILE},
+        remedies=[{"text": HOSTILE, "command": HOSTILE}],
         **{"substitute": HOSTILE, "incident": 1, "host": HOSTILE, "strip": HOSTILE},
     )
     texts: Any = {
-        key: HOSTILE for key in ("faulty_node", "kind", "detail", "substitute", "decision")
+        key: HOSTILE
+        for key in ("faulty_node", "kind", "evidence", "detail", "substitute", "decision")
     }
     lists: Any = {key: [HOSTILE] for key in ("inputs", "relations", "missing", "lost")}
     return document(

@@ -4,6 +4,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 from documents import Document, drawing
 from shsa_testing.waiting import wait_until
+from shsa_view.history import History
 from shsa_view.live import Settings, View
 from shsa_view.server import serve
 
@@ -15,6 +16,7 @@ class FedState:
 
     def __init__(self, whole: Document) -> None:
         self.whole = whole
+        self.history = History()
         self._waiting: List[Document] = []
         self._lock = threading.Lock()
 
@@ -50,8 +52,14 @@ class FedState:
     def handle(self, fact: Any) -> None:
         """Nothing but what is told counts."""
 
-    def second(self) -> None:
-        """Set the strips."""
+    def second(self, now: float) -> None:
+        """Sample the document, as often as the server asks."""
+        for name, row in self.whole["services"].items():
+            self.history.second(now, name, row, {})
+
+    def timeline(self, now: float) -> Document:
+        """Asked by the server."""
+        return self.history.timeline(now, self.whole["incidents"])
 
 
 class FedAnswers:

@@ -12,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_testing.waiting import wait_until
 from shsa_view import facts, handlers, live, server, streams
 from shsa_view.server import Settings, View, serve
-from view_facts import well
+from view_facts import NODES, well
 
 Document = Dict[str, Any]
 
@@ -75,6 +75,26 @@ def _served() -> Iterator[Served]:
     served = Served()
     yield served
     served.end()
+
+
+def text(served: Served, path: str) -> Tuple[str, str]:
+    """Return the type and the text of an answer that is no JSON."""
+    with closing(HTTPConnection("127.0.0.1", served.port, timeout=20.0)) as connection:
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        assert answer.status == 200
+        return str(answer.getheader("Content-Type")), answer.read().decode()
+
+
+def test_values_the_last_hour_and_metrics_are_served(served: Served) -> None:
+    wait_until(lambda: served.ask("/api/values?service=ammeter")[1]["times"], 10.0, "a sample")
+    status, told = served.ask("/api/values")
+    assert status == 400 and "name a service" in told["error"]
+    assert set(served.ask("/api/timeline.json")[1]["services"]) == {*NODES}
+    kind, lines_ = text(served, "/api/timeline.csv")
+    assert kind.startswith("text/csv") and lines_.startswith("what,service,")
+    kind, lines_ = text(served, "/metrics")
+    assert kind.startswith("text/plain; version=0.0.4") and 'shsa_up{part="master"} 1' in lines_
 
 
 def lines(served: Served, count: int) -> List[bytes]:

@@ -165,13 +165,13 @@ def test_what_becomes_of_a_node_is_told_before_it_fails() -> None:
 
 def test_a_strip_has_a_letter_a_second() -> None:
     view = well()
-    view.second()
+    view.second(1.0)
     gone(view)
     for _ in range(2):
-        view.second()
+        view.second(1.0)
     assert row(view)["strip"] == "wss"
     for _ in range(STRIP_S):
-        view.second()
+        view.second(1.0)
     assert row(view)["strip"] == "s" * STRIP_S
 
 

@@ -1,40 +1,31 @@
-"""`shsa find`: the substitute of a property, a service, or all services of a topic."""
+"""`shsa find`: the substitute of a property, a service, or all services of a topic or a node."""
 import argparse
 import json
-from typing import Any, Iterator, List, Optional, Tuple
+from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
 from shsa_core.analysis.loss import lose
 from shsa_core.cli._answers import Answer, Asked, of_property, of_service
-from shsa_core.cli._common import (
-    add_models,
-    add_without,
-    check_known,
-    check_property,
-    read_models,
-    say,
-    without,
-)
+from shsa_core.cli._common import add_models, add_without, check_known, read_models, say, without
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError
 from shsa_core.model.names import full_name
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
+from shsa_core.model.som import Som
 
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "find",
-        help="say what would replace a property, a service or a topic",
-        description="Says what would replace a property, a service, or all services of a topic, "
-        "if the node that provides it failed. Every service in the SOM counts as available, save "
-        "those of that node. It says what healing would do: a service is healed with all of its "
-        "values, or not at all.",
+        help="say what would replace a property, a service, a topic or a node",
+        description="All services count as available, save those of the node that provides it. A "
+        "service is healed with all of its values, or not at all.",
     )
     lost = parser.add_mutually_exclusive_group(required=True)
-    lost.add_argument("property", metavar="PROPERTY", nargs="?", help="the lost property")
-    lost.add_argument("--topic", metavar="TOPIC", help="the lost topic: each of its services")
-    lost.add_argument("--service", metavar="SERVICE", help="the lost service")
+    lost.add_argument("name", metavar="NAME", nargs="?", help="property, service, topic or node")
+    lost.add_argument("--topic", metavar="NAME", help="the topic, where a property has its name")
     add_models(parser)
     add_without(parser)
     parser.add_argument(
@@ -63,24 +54,34 @@ def run(args: argparse.Namespace) -> int:
         args.explain,
         predictor(ontology, som.sources),
     )
-    if args.property is None and (args.method == "all" or args.explain):
-        raise ModelError("--topic and --service", "all and --explain are for a property")
-    if args.topic is not None:
-        topic = full_name(args.topic, args.namespace)
-        check_known(topic, "topic", som.topics())
-        answers = [of_service(asked, each) for each in som.of_topic(topic)]
-        answer: Answer = {"topic": args.topic, "services": answers}
+    kind, services = _lost(args, ontology, som)
+    if services and (args.method == "all" or args.explain):
+        raise ModelError(f"the {kind}", "all and --explain are for a property")
+    if services:
+        answers = [of_service(asked, each) for each in services]
+        named: Answer = {kind: args.topic or args.name, "services": answers}
+        answer = answers[0] if kind == "service" else named
         lines = [line for each in answers for line in _text(each)]
-    elif args.service is not None:
-        check_known(args.service, "service", som.services)
-        answer = of_service(asked, som.services[args.service])
-        answers, lines = [answer], list(_text(answer))
     else:
-        check_property(args.property, ontology, som)
-        answer, lines = _property(asked, args.property)
+        answer, lines = _property(asked, args.name)
         answers = [answer]
     say(json.dumps(answer, indent=2) if args.json else "\n".join(lines))
     return 1 if any("substitute" in each for each in answers) else 0
+
+
+def _lost(args: argparse.Namespace, ontology: Ontology, som: Som) -> Tuple[str, Sequence[Service]]:
+    """Return the kind of what is named, and its services; none of a property."""
+    name, topic = args.name, full_name(args.topic or args.name, args.namespace)
+    if name is not None and (name in ontology.properties or som.of_property(name)):
+        return "property", ()
+    if name in som.services:
+        return "service", [som.services[name]]
+    known = {*som.topics(), *(each.node for each in som if name is not None)}
+    if topic not in known:
+        known |= {*ontology.properties, *som.services}
+        check_known(name or topic, "property, service, topic or node", known)
+    of_node = [each for each in som if each.node == topic]
+    return ("topic", som.of_topic(topic)) if som.of_topic(topic) else ("node", of_node)
 
 
 def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
@@ -147,8 +148,7 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"It reads what fails with {', '.join(answer['shares'])} too; nothing else would do"
     if "slow" in answer:
         slow = answer["slow"]
-        every = f"{slow['period']:g} s"
-        yield f"It reads {slow['service']}, which comes every {every}: in between it repeats"
+        yield f"It reads {slow['service']}, which comes every {slow['period']:g} s: it repeats"
     if answer.get("derivation"):
         yield "derivation"
         yield from ("    " + line for line in answer["derivation"])

@@ -13,6 +13,8 @@ from shsa_core.cli._common import say
 from shsa_core.text import LONGEST_LINE, shown
 
 NARROWEST_COLUMN = 12
+WIDEST = 100
+"""Characters of a table's line."""
 """Characters."""
 
 
@@ -37,13 +39,14 @@ class Table(NamedTuple):
 
 
 def show(table: Table) -> None:
-    """Print a table no wider than the terminal: its widest cells are folded."""
+    """Print a table no wider than the terminal and WIDEST: its widest cells are folded."""
     if not table.rows:
         say(f"{table.title}: {table.nothing}\n")
         return
     lines = [table.columns, *table.rows]
     widths = [max(len(line) for cell in each for line in cell.split("\n")) for each in zip(*lines)]
-    room = shutil.get_terminal_size((120, 24)).columns - 3 * len(widths) - 1
+    width = min(WIDEST, shutil.get_terminal_size((WIDEST, 24)).columns)
+    room = width - 5 * len(widths) - 1  # a heading is padded by two
     while sum(widths) > room and max(widths) > NARROWEST_COLUMN:
         widths[widths.index(max(widths))] -= 1
     columns, *rows = [[_fold(cell, width) for cell, width in zip(each, widths)] for each in lines]

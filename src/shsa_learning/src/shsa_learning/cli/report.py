@@ -1,6 +1,7 @@
 """`shsa report`: the resilience of a robot."""
 import argparse
 import json
+import textwrap
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, List, Optional, Sequence
@@ -9,7 +10,7 @@ from shsa_core.cli._common import add_models, read_models, say
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_learning.cli._common import Table, render, show, whole_number
+from shsa_learning.cli._common import WIDEST, Table, render, show, whole_number
 from shsa_learning.cli.plot import CannotDraw, draw
 from shsa_learning.report.report import NodeReport, Report, ServiceReport, Suggestion, Survival
 from shsa_learning.report.resilience import analyse
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     for table in tables(report):
         show(table)
     for line in summary(report):
-        say(line)
+        say(textwrap.fill(line, WIDEST, break_long_words=False, break_on_hyphens=False))
     return 0
 
 
@@ -116,7 +117,7 @@ def tables(report: Report) -> List[Table]:
     return [
         Table(
             "Needed services",
-            ("service", "topic", "node", "quality", "alternatives, best first", "fatal with it"),
+            ("service, topic, node", "quality", "alternatives, best first", "fatal with it"),
             [_service(each) for each in report.services],
             "The SOM marks no service as needed.",
         ),
@@ -167,10 +168,8 @@ def _service(service: ServiceReport) -> Sequence[str]:
         quality = "\n".join([f"{service.quality:.3g}", *errors])
     cuts = [cut for cut in service.cuts if len(cut) > 1]
     others = [" + ".join(name for name in cut if name != service.node) for cut in cuts]
-    return (
-        *(service.service, service.topic, service.node, quality),
-        *("\n".join(alternatives), "\n".join(others)),
-    )
+    named = "\n".join((service.service, service.topic, service.node))
+    return named, quality, "\n".join(alternatives), "\n".join(others)
 
 
 def _error(error: Optional[Error]) -> str:

@@ -2,6 +2,7 @@
 import { ask } from "./connection.js";
 import { byId, facts, make, setAttribute, setText, shape } from "./page.js";
 import { urgency } from "./services.js";
+import { remedies } from "./what_if.js";
 import { clock, known, list, plain, plusMinus, short, unit, word } from "./words.js";
 
 const CARDS = 6;
@@ -125,11 +126,12 @@ class Card {
     setAttribute(this.element, "data-state", service.state);
     const told = [
       ["What failed", failed(service, incident)],
+      ["Why", (incident && incident.evidence) || ""],
       ["What stands in", standsIn(this.name, service, incident, substitutes)],
       ["How far to trust it", trust(service, incident)],
     ];
     const began = incident && incident.moments.detected;
-    const signature = JSON.stringify([told, service.state, began]);
+    const signature = JSON.stringify([told, service.state, began, service.remedies]);
     if (signature === this.signature) return;
     this.signature = signature;
     this.shape.replaceChildren(shape(service.state));
@@ -139,7 +141,7 @@ class Card {
       told.push(["If this died too", this.left]);
       this.look(service.substitute);
     }
-    this.facts.replaceChildren(facts(told));
+    this.facts.replaceChildren(facts(told), ...remedies(service));
   }
 
   /** Asks what is left then, once for each substitute. */

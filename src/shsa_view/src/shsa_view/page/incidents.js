@@ -5,9 +5,12 @@ import { MOMENTS, clock, day, exactClock, known, list, plain, short, span, word 
 const SHOWN = 20;
 const FIRST_DECADE = -3;
 const DECADES = 6;
+const AROUND_S = 10;
 
 export class Incidents {
-  constructor() {
+  /** `asked(key)` is called when somebody asks for the values around an incident. */
+  constructor(asked) {
+    this.asked = asked;
     this.list = byId("timeline");
     this.items = new Map();
     this.limit = SHOWN;
@@ -36,7 +39,7 @@ export class Incidents {
   place(incident, index, now) {
     let item = this.items.get(incident.key);
     if (!item) {
-      item = new Item(incident.key);
+      item = new Item(incident.key, this.asked);
       this.items.set(incident.key, item);
     }
     item.show(incident, now);
@@ -63,8 +66,10 @@ export class Incidents {
 }
 
 class Item {
-  constructor(key) {
+  constructor(key, asked) {
     this.touched = false;
+    this.values = make("button", { type: "button", class: "values-around" }, "Values around it");
+    this.values.addEventListener("click", () => asked(key));
     this.shape = shape("unknown");
     this.when = make("time", { class: "when" });
     this.what = make("b");
@@ -100,7 +105,7 @@ class Item {
     this.filled = this.signature;
     const had = document.activeElement;
     const at = [...this.rest.querySelectorAll("li")].indexOf(had);
-    this.rest.replaceChildren(...story(this.incident));
+    this.rest.replaceChildren(...story(this.incident), this.values);
     if (at >= 0) this.rest.querySelectorAll("li")[at].focus();
   }
 }
@@ -126,9 +131,12 @@ function outcome(incident) {
 
 function story(incident) {
   const base = beginning(incident.moments);
-  const steps = MOMENTS.map(([name, says]) => step(says, incident.moments[name], base));
+  const at = ([name]) => incident.moments[name] ?? Infinity;
+  const inOrder = [...MOMENTS].sort((one, other) => (at(one) < at(other) ? -1 : at(one) > at(other)));
+  const steps = inOrder.map(([name, says]) => step(says, incident.moments[name], base));
   const { quality } = incident;
   const told = [
+    ["Why", incident.evidence],
     ["Faulty node", incident.faulty_node],
     ["Told last", incident.detail],
     ["Substitute", incident.substitute],
@@ -139,12 +147,20 @@ function story(incident) {
     ["Missing", incident.missing.join(", ")],
     ["Lost", incident.lost.join(", ")],
     ["Decision", incident.decision],
+    ["Its bag", known(base) ? cut(base, incident.moments.ended) : ""],
   ];
   return [
     picture(incident.moments, base),
     make("ol", { class: "moments", "aria-label": "Its moments" }, ...steps),
     facts(told),
   ];
+}
+
+/** The command that cuts a recording to the time around an incident. */
+function cut(began, ended) {
+  const from = (began - AROUND_S).toFixed(1);
+  const to = ((ended ?? began) + AROUND_S).toFixed(1);
+  return `rosbag filter drive.bag incident.bag "${from} <= t.to_sec() <= ${to}"`;
 }
 
 function errors(incident) {

@@ -100,6 +100,11 @@ export class Services {
   }
 }
 
+/** Why a service that is well is not blamed; empty: there is nothing to blame it for. */
+function spared(service) {
+  return (service.why || "").includes("not blamed") ? service.why : "";
+}
+
 class Row {
   constructor(name, ask) {
     this.name = name;
@@ -123,7 +128,7 @@ class Row {
       if (this.substituted) ask("service", name);
       else ask("node", this.publisher.textContent);
     });
-    this.element = make(
+    const row = make(
       "tr",
       { role: "row", "data-service": name },
       make("td", { role: "cell", class: "state" }, this.shape, this.word),
@@ -132,6 +137,10 @@ class Row {
       make("td", { role: "cell", class: "publisher" }, this.publisher, rate),
       make("td", { role: "cell", class: "minute" }, this.strip.element),
     );
+    row.addEventListener("click", (event) => {
+      if (!event.target.closest("button") && !getSelection().toString()) ask("service", name);
+    });
+    this.element = row;
   }
 
   show(service) {
@@ -144,7 +153,7 @@ class Row {
     }
     this.substituted = service.publisher === service.substitute;
     setName(this.topic, service.topic);
-    const told = service.state === "well" || service.substitute ? "" : service.detail;
+    const told = service.state === "well" || service.substitute ? spared(service) : service.why;
     setText(this.detail, told);
     setText(this.rate, known(service.rate) ? short(service.rate, 3) : "–");
     const wanted = service.period ? ` of ${short(1 / service.period, 3)} Hz` : " Hz";

@@ -3,6 +3,7 @@ import { Actions } from "./actions.js";
 import { Connection } from "./connection.js";
 import { Glance, title } from "./glance.js";
 import { Graph } from "./graph.js";
+import { Hour } from "./hour.js";
 import { Incidents } from "./incidents.js";
 import { byId, setText } from "./page.js";
 import { Services } from "./services.js";
@@ -27,7 +28,9 @@ class View {
     });
     this.glance = new Glance(asked);
     this.services = new Services(asked);
-    this.incidents = new Incidents();
+    const askedIncident = (key) => this.whatIf.openIncident(key, this.document);
+    this.incidents = new Incidents(askedIncident);
+    this.hour = new Hour(askedIncident);
     this.graph = new Graph(asked);
     this.connection = new Connection({
       heard: (whole) => this.heard(whole),
@@ -43,6 +46,7 @@ class View {
     this.lostAt = null;
     this.actions.allowed = whole.actions === true;
     if (first) this.graph.load(whole);
+    if (first) this.hour.look();
     this.names = null;
     this.plan(["robot", "services", "incidents", "graph"]);
     this.showConnection();
@@ -54,7 +58,10 @@ class View {
     if (now) whole.now = now;
     Object.assign(whole, others);
     patch(whole.services, services);
-    if (incidents) whole.incidents = merged(whole.incidents, incidents);
+    if (incidents) {
+      whole.incidents = merged(whole.incidents, incidents);
+      this.hour.look();
+    }
     if (services && this.names) Object.keys(services).forEach((name) => this.names.add(name));
     this.plan([
       "robot",

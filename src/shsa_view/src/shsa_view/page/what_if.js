@@ -1,7 +1,8 @@
-// What if: what healing would do if a service or a whole node failed now, and what is left then.
+// One service or node: why it is as it is, what to do, its values, and what if it failed.
 import { ask } from "./connection.js";
 import { byId, facts, make, setText } from "./page.js";
-import { known, list, plusMinus, short, unit } from "./words.js";
+import { Values } from "./values.js";
+import { clock, known, list, plain, plusMinus, short, unit } from "./words.js";
 
 const LIMIT_MS = 15000;
 const MOST_SETS = 12;
@@ -13,13 +14,22 @@ export class WhatIf {
     this.shown = shown;
     this.actions = actions;
     this.number = 0;
+    this.values = new Values();
     byId("close").addEventListener("click", () => this.close());
     this.dialog.addEventListener("keydown", (event) => {
       if (event.key === "Escape") this.close();
     });
   }
 
-  async open(what, name, robot) {
+  /** Shows a service with its values around an incident. */
+  openIncident(key, robot) {
+    const incident = robot.incidents.find((each) => each.key === key);
+    if (incident && Object.hasOwn(robot.services, incident.service)) {
+      this.open("service", incident.service, robot, incident);
+    }
+  }
+
+  async open(what, name, robot, incident = null) {
     this.number += 1;
     const number = this.number;
     if (!this.dialog.open) this.before = document.activeElement;
@@ -27,7 +37,8 @@ export class WhatIf {
     setText(byId("question"), question);
     byId("answer").replaceChildren(make("p", { class: "quiet" }, "Searching …"));
     if (!this.dialog.open) this.dialog.show();
-    byId("question").focus();
+    byId("about").focus();
+    this.showNow(what, name, robot, incident);
     this.actions.offer(what === "service" ? robot.services[name] : null);
     const address = `api/what_if?${what}=${encodeURIComponent(name)}`;
     try {
@@ -42,12 +53,39 @@ export class WhatIf {
     }
   }
 
+  showNow(what, name, robot, incident) {
+    const service = what === "service" ? robot.services[name] : null;
+    setText(byId("about"), incident ? `${name}: ${plain(incident.kind)}` : name);
+    byId("now").replaceChildren(...(service ? state(service, incident) : []));
+    if (service) this.values.open(name, robot, incident);
+    else this.values.close();
+  }
+
   close() {
     this.number += 1;
+    this.values.close();
     this.dialog.close();
     this.shown([]);
     if (this.before && this.before.isConnected) this.before.focus();
   }
+}
+
+/** Why a service is as it is, and what people can do. */
+export function state(service, incident = null) {
+  const began = incident && incident.moments.detected;
+  const pairs = incident
+    ? [["Why", incident.evidence || incident.detail], ["Seen", known(began) ? clock(began) : ""]]
+    : [["Why", service.why]];
+  return [facts([...pairs, ["Decision", incident && incident.decision]]), ...remedies(service)];
+}
+
+/** What to do, each with the command or the line of the file. */
+export function remedies(service) {
+  if (!service.remedies || !service.remedies.length) return [];
+  const items = service.remedies.map(({ text, command }) =>
+    make("li", {}, text, ...(command ? [make("code", {}, command)] : [])),
+  );
+  return [make("h3", {}, "What to do"), make("ol", { class: "remedies" }, ...items)];
 }
 
 function told(answer, robot) {

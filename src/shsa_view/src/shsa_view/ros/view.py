@@ -22,6 +22,7 @@ from shsa_view.facts import Fact, IncidentTold, ModelsRead
 from shsa_view.incidents import MOST
 from shsa_view.ros.actions import Actions
 from shsa_view.ros.answers import RosAnswers
+from shsa_view.ros.commands import Commands
 from shsa_view.ros.listener import Listener
 from shsa_view.server import Settings, View, serve
 from shsa_view.state import State
@@ -82,7 +83,8 @@ class ViewNode:
         names = (socket.gethostname(), os.environ.get("ROS_HOSTNAME", ""))
         settings = Settings(arguments.address, arguments.port, token, tuple(filter(None, names)))
         self._listener = Listener(arguments.secret, self._models.first.som.hosts, make=True)
-        state = State(rospy.get_namespace(), bool(token))
+        self._commands = Commands(self._listener.put)
+        state = self._state = State(rospy.get_namespace(), bool(token))
         answers = RosAnswers(state, Actions(arguments.som))
         failed = lambda text: rospy.logerr_throttle_identical(10.0, f"View: {text}")
         self._view = View(settings, state, answers, self._take, rospy.get_time, failed)
@@ -100,6 +102,7 @@ class ViewNode:
             rospy.logwarn(
                 "The files have changed, and the view goes on with the old ones: %s", error
             )
+        self._commands.look(service.node for service in self._state.som)
         yield from self._listener.take()
 
     def _ready(self, port: int) -> None:

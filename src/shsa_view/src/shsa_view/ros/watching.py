@@ -95,7 +95,7 @@ class Watch:
         now = time.monotonic()
         if now >= self._next:
             self._next = now + SECOND_S
-            self._state.second()
+            self._state.second(rospy.get_time() if self.connected else time.time())
         return self._state.document(rospy.get_time() if self.connected else time.time())
 
     def _connect(self) -> None:
