@@ -9,10 +9,10 @@ from typing import Dict, Iterable, Optional, Tuple
 
 from shsa_core.gating import settings
 from shsa_core.model.checks import LEARNED, Witness
+from shsa_core.model.error import spread
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.settings import SAMPLE_S
-from shsa_core.monitoring.witness import spread
 
 Values = Dict[str, Optional[float]]
 Rows = Iterable[Substitution]

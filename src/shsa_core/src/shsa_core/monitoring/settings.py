@@ -156,5 +156,3 @@ WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
 WITNESS_SAMPLES = 60
 """So many samples, one a second, make an error known that nobody has stated."""
-SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
-"""A value may be so many rms, and so many times its p95, from the truth."""

@@ -15,7 +15,7 @@ from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import LEARNED, Check
 from shsa_core.model.samples import WitnessSample
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, spread
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
@@ -246,16 +246,6 @@ def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[
         return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
     text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
     return {each.service.name: f"{text}contradict" for one in wrong for each in one.plan.inputs}
-
-
-def spread(error: Optional[Error]) -> Optional[float]:
-    """Return how far a value with this error may be from the truth, in its unit.
-
-    Errors last for as long as a look back and do not average out; p95 is of single moments.
-    """
-    if error is None:
-        return None
-    return max(settings.SPREAD_RMS * error.rms, settings.SPREAD_P95 * (error.p95 or 0.0))
 
 
 def _apart(one: Optional[float], other: Optional[float]) -> Optional[float]:
