@@ -10,7 +10,7 @@ SECONDS := 60
 # Nodes start a thousand times in a test run: what Python has compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs bench clean
+.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs deb bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
@@ -18,6 +18,7 @@ help:
 	@echo "make test    JOBS=2: run every test, so many robots at once"
 	@echo "make test-long   the same with five times as many random cases, and more trials on robots"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
+	@echo "make deb     Debian packages for the ROS of this system; see build/deb/"
 	@echo "make bench   measure; see results/bench/"
 	@echo "make fuzz    MINUTES=10: look for inputs that break a reader; those found are tested from then on"
 	@echo "make coverage, make mutation   how well the core is tested; see CONTRIBUTING.md"
@@ -74,6 +75,9 @@ docs: build
 	@rm -rf build/docs
 	@$(ENV) && $(PYTHON) -m sphinx -W --keep-going -n -q -E -c docs -d build/docs-cache . build/docs
 	@echo "[docs] $(CURDIR)/build/docs/index.html"
+
+deb: setup
+	@tools/deb
 
 bench: build
 	@$(ENV) && tools/bench

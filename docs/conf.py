@@ -1,6 +1,7 @@
 """Settings of the documentation's site: `make docs`."""
 import sys
 from pathlib import Path
+from typing import Any, Callable, Dict
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
@@ -35,3 +36,21 @@ html_show_sphinx = False
 html_extra_path = ["site"]
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_favicon = "static/icon.svg"
+
+
+def give_captions_a_level(
+    app: object, page: str, template: str, context: Dict[str, Any], tree: object
+) -> None:
+    """Say which level of headings a caption of the menu has: screen readers ask for it."""
+    menu: Callable[..., str] = context.get("toctree", lambda **options: "")
+
+    def levelled(**options: Any) -> str:
+        return (menu(**options) or "").replace('role="heading"', 'role="heading" aria-level="2"')
+
+    context["toctree"] = levelled
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx."""
+    app.connect("html-page-context", give_captions_a_level)

@@ -3,6 +3,7 @@
 Each function is one part of a page in docs/reference; nothing in these is written by hand.
 """
 import argparse
+import csv
 import dataclasses
 import re
 from dataclasses import MISSING
@@ -136,6 +137,25 @@ def launch_files() -> str:
     return "\n".join(_launch_file(path) for path in sorted(ROOT.glob("src/*/launch/*.launch")))
 
 
+def paper() -> str:
+    """Return what the paper says, where it is done, and the test that shows it."""
+    with open(ROOT / "docs" / "data" / "paper.csv", newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    rows = [
+        (
+            *(each["section"], each["statement"], each["done"], code(_short(each["where"]))),
+            *(code(_short(each["test"])), each["remark"]),
+        )
+        for each in lines
+    ]
+    return table(("section", "statement", "done", "where", "shown by", "remark"), rows)
+
+
+def _short(path: str) -> str:
+    """Return a path from its package on."""
+    return re.sub(r"^src/(\w+)/(src/\1/)?", r"\1/", path)
+
+
 def messages() -> str:
     """Every message, service and action with its fields."""
     files = sorted(path for each in ("msg", "srv", "action") for path in MESSAGES.glob(f"{each}/*"))
@@ -169,7 +189,7 @@ PARTS: Dict[str, Callable[[], str]] = {
         each.__name__: each
         for each in (
             *(basics, som_checks, functions, kinds, transitions, injected, parameters),
-            *(launch_files, messages, commands),
+            *(launch_files, messages, commands, paper),
         )
     },
 }

@@ -15,6 +15,7 @@ TRANSFER = ("start", "up", "shut", "down", "registered", "unregistered", "gone")
 ROWS = {
     "healthy_traffic": {"fixed", "learned"},
     "healthy_robots": {"base", "arm", "drone"},
+    "healthy_nodes": {"base", "arm", "drone"},
     "failover": {"hot", "respawn, rospy, slow", "rosrun by hand, rospy"},
     "gated": {"rospy", "roscpp"},
     "interference": {"hot"},
@@ -22,9 +23,11 @@ ROWS = {
     "large_messages": {"nothing comes", "copied", "dropped"},
     "kilohertz": {"1000"},
     "large_robots": {"10"},
+    "load": {"nine nodes"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
-UNDRAWN = ("healthy_traffic", "healthy_robots", "large_messages", "kilohertz", "large_robots")
+HEALTHY = ("healthy_traffic", "healthy_robots", "healthy_nodes")
+UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots", "load")
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 

@@ -20,6 +20,7 @@ SOURCES = sorted(
     path.parent for folder in ("src", "examples") for path in ROOT.glob(f"{folder}/*/package.xml")
 )
 PACKAGES = [str(ElementTree.parse(str(path / "package.xml")).findtext("name")) for path in SOURCES]
+SHEBANGS = (b"#!/usr/bin/env py", b"#!/usr/bin/python3")
 TEST_FOLDERS = ("test", "bench")
 """Of a package: what is imported there may be a test_depend."""
 
@@ -48,7 +49,7 @@ def python_files(folder: Path) -> Iterator[Path]:
     """Yield the Python files below a folder, executables without a suffix included."""
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not {"build", "devel", "install"} & set(path.parts):
-            script = path.suffix == "" and path.read_bytes()[:30].startswith(b"#!/usr/bin/env py")
+            script = path.suffix == "" and path.read_bytes()[:30].startswith(SHEBANGS)
             if path.suffix == ".py" or script:
                 yield path
 

@@ -1,4 +1,4 @@
-"""The documentation stays short and in plain English: pages, words, sentences, and proselint."""
+"""The documentation stays short and in plain English: pages, words, ease, and proselint."""
 import re
 import subprocess
 from pathlib import Path
@@ -15,6 +15,10 @@ MOST_PAGES = 25
 MOST_WORDS = 25000
 LONGEST_MEAN = 18.5
 """Words a sentence, in the mean of a page's prose."""
+LEAST_EASE = 60.0
+"""Of reading, after Flesch: from 60 on, English is called plain."""
+MOST_STEPS, MOST_STEP_WORDS = 10, 1500
+"""Of the tutorial by which people heal their own robots."""
 RIDDLES = re.compile(r"\b(whoever|stands? (by|in)|voices|pictures?|as ever)\b", re.IGNORECASE)
 """Words that have a plainer one: anyone who, is ready, replaces, publishers, images, as usual."""
 TYPOGRAPHY = re.compile(r"typography\.symbols\.(ellipsis|curly_quotes|sentence_spacing)")
@@ -37,6 +41,14 @@ def sentences(text: str) -> List[str]:
     return [part for part in parts if len(words(part)) > 2]
 
 
+def ease(found: List[str]) -> float:
+    """Return how easy sentences are to read, after Flesch, with syllables by their vowels."""
+    spoken = [word for each in found for word in re.findall(r"[a-z]+", each.lower())]
+    vowels = (re.findall(r"[aeiouy]+", re.sub(r"e$", "", word)) for word in spoken)
+    syllables = sum(max(1, len(each)) for each in vowels)
+    return 206.835 - 1.015 * len(spoken) / len(found) - 84.6 * syllables / len(spoken)
+
+
 def test_there_are_few_pages_and_words() -> None:
     assert len([page for page in PAGES if ROOT / "docs" in page.parents]) <= MOST_PAGES
     assert sum(len(words(page.read_text("utf-8"))) for page in PAGES) <= MOST_WORDS
@@ -46,6 +58,17 @@ def test_there_are_few_pages_and_words() -> None:
 def test_sentences_are_short(page: Path) -> None:
     found = sentences(prose(page))
     assert sum(len(words(each)) for each in found) <= LONGEST_MEAN * len(found)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_is_easy_to_read(page: Path) -> None:
+    assert ease(sentences(prose(page))) >= LEAST_EASE
+
+
+def test_healing_ones_own_robot_takes_few_steps_and_words() -> None:
+    page = (ROOT / "docs" / "tutorials" / "any_robot.md").read_text("utf-8")
+    assert len(re.findall(r"^## \d+\. ", page, re.MULTILINE)) <= MOST_STEPS
+    assert len(words(page)) <= MOST_STEP_WORDS
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -145,3 +145,11 @@ def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_
     path = ":".join(filter(None, [*modules, environment().get("PYTHONPATH", "")]))
     subprocess.run(command, env={**environment(), "PYTHONPATH": path}, check=True)
     assert "<svg" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, at in PACKAGES.items() if (at / "test/rostest").is_dir()]
+)
+def test_catkin_runs_each_rostest(name: str) -> None:
+    at = PACKAGES[name]
+    assert "add_rostest(" in (at / "CMakeLists.txt").read_text()

@@ -20,6 +20,8 @@ BESIDE = (
     "examples/*/test/rostest",
 )
 FOLDERS = sorted(str(path.relative_to(ROOT)) for each in BESIDE for path in ROOT.glob(each))
+# Rostests start as they are, where another python3 may be the first on the PATH.
+PYTHON = (b"#!/usr/bin/env python3", b"#!/usr/bin/python3")
 UNTYPED = ("setup.py",)  # a package each: three modules of one name
 
 
@@ -39,7 +41,7 @@ def python_files() -> List[str]:
 def _is_python(path: Path) -> bool:
     if path.suffix == ".py":
         return True
-    return path.suffix == "" and path.read_bytes()[:30].startswith(b"#!/usr/bin/env python3")
+    return path.suffix == "" and path.read_bytes()[:30].startswith(PYTHON)
 
 
 def run(command: List[str], **environment: str) -> None:

@@ -1,5 +1,5 @@
 // A consumer in roscpp: prints every message of its topics with the monotonic time at which it came.
-// Usage: bench_consumer TOPIC...  Lines: `message TIME TOPIC NODE VALUE`, TIME in s.
+// Usage: bench_consumer TOPIC...  Lines: `message TIME TOPIC NODE VALUE STAMP FRAME`, TIME and STAMP in s.
 #include <ros/ros.h>
 #include <shsa_msgs/Float64Stamped.h>
 
@@ -13,8 +13,9 @@ using Event = ros::MessageEvent<shsa_msgs::Float64Stamped const>;
 static void print(const std::string& topic, const Event& event)
 {
   const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
-  std::printf("message %.6f %s %s %g\n", now.count(), topic.c_str(), event.getPublisherName().c_str(),
-              event.getConstMessage()->data);
+  const shsa_msgs::Float64Stamped& message = *event.getConstMessage();
+  std::printf("message %.6f %s %s %g %.6f %s\n", now.count(), topic.c_str(), event.getPublisherName().c_str(),
+              message.data, message.header.stamp.toSec(), message.header.frame_id.c_str());
   std::fflush(stdout);
 }
 

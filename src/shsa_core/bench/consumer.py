@@ -1,7 +1,7 @@
 """A consumer in rospy: prints its messages and the publishers it contacts, with the monotonic time.
 
-Usage: consumer.py TOPIC...  Lines: `message TIME TOPIC NODE VALUE` and `connection TIME TOPIC URI`,
-TIME in s.
+Usage: consumer.py TOPIC...  Lines: `message TIME TOPIC NODE VALUE STAMP FRAME` and
+`connection TIME TOPIC URI`, TIME and STAMP in s.
 """
 import os
 import sys
@@ -21,7 +21,8 @@ def received(message: Float64Stamped, topic: str) -> None:
     """Print a message."""
     now = time.monotonic()
     node = message._connection_header["callerid"]
-    say(f"message {now:.6f} {topic} {node} {message.data:g}")
+    stamp, frame = message.header.stamp.to_sec(), message.header.frame_id
+    say(f"message {now:.6f} {topic} {node} {message.data:g} {stamp:.6f} {frame}")
 
 
 def listen(topic: str) -> None:

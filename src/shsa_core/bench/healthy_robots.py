@@ -9,7 +9,7 @@ ends with status 1 if anything was done to a healthy node.
 import argparse
 import sys
 from pathlib import Path
-from typing import List, NamedTuple
+from typing import Any, List, NamedTuple, Sequence
 
 from tqdm import tqdm
 
@@ -18,6 +18,8 @@ from shsa_testing.healthy_robots import LIVES, ROBOTS, HealthyRobot
 
 FILES = Path(__file__).resolve().parent.parent / "test" / "data"
 STEP_S = 60.0
+DONE = ("killed", "replaced", "blamed")
+"""Columns of what is not to be done to a healthy node."""
 
 
 class Row(NamedTuple):
@@ -36,6 +38,20 @@ class Row(NamedTuple):
     killed: int
     replaced: int
     blamed: int
+
+
+def verdict(name: str, rows: Sequence[Any], results: Path) -> int:
+    """Print what was done to robots, and write it; return 1 if it was done to a healthy node."""
+    columns, title = rows[0]._fields, name.replace("_", " ")
+    print_table(title.capitalize(), columns, [[f"{each}" for each in row] for row in rows])
+    write_table(results / f"{name}.csv", columns, rows)
+    goals = Goals()
+    for what in DONE:
+        for robot in ROBOTS:
+            count = sum(getattr(row, what) for row in rows if row.robot == robot)
+            goals.at_most(f"{title}: {what}", robot, 0, count, "")
+    goals.show(results / f"{name}_goals.csv")
+    return int(any(getattr(row, what) for row in rows for what in DONE))
 
 
 def main() -> int:
@@ -60,15 +76,7 @@ def main() -> int:
                 print(f"{what}: {told}")
             seen = robot.messages, robot.restarts, robot.incidents - len(found.incidents)
             rows.append(Row(name, rate or 1.0, clock, hours, *seen, *map(len, found)))
-    print_table("Healthy robots", Row._fields, [[f"{each}" for each in row] for row in rows])
-    write_table(options.results / "healthy_robots.csv", Row._fields, rows)
-    goals = Goals()
-    for what in ("killed", "replaced", "blamed"):
-        for name in ROBOTS:
-            count = sum(getattr(row, what) for row in rows if row.robot == name)
-            goals.at_most(f"healthy robots: {what}", name, 0, count, "")
-    goals.show(options.results / "healthy_robots_goals.csv")
-    return int(any(row.killed or row.replaced or row.blamed for row in rows))
+    return verdict("healthy_robots", rows, options.results)
 
 
 if __name__ == "__main__":

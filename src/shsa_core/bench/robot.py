@@ -78,6 +78,8 @@ class Heard(NamedTuple):
     topic: str
     node: str
     value: float
+    stamp: float = 0.0
+    frame: str = ""
 
     @property
     def good(self) -> bool:
@@ -116,9 +118,11 @@ class Consumer:
     def _read(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            word, at, topic, node, *value = line.split()
+            word, at, topic, node, *rest = line.split()
             if word == "message":
-                self.messages.append(Heard(float(at), topic, node, float(value[0])))
+                value, stamp, *frame = rest
+                heard = Heard(float(at), topic, node, float(value), float(stamp), "".join(frame))
+                self.messages.append(heard)
             else:
                 self.contacts[node.rstrip("/")] = float(at)
 

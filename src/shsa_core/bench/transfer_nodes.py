@@ -204,7 +204,8 @@ def main() -> int:
     """Measure what is still missing; 1 if something did not come up or was not healed in time."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=100)
-    parser.add_argument("--nodes", type=int, nargs="+", default=list(range(0, 501, 100)))
+    levels_of_paper = [0, 50, *range(100, 501, 100)]
+    parser.add_argument("--nodes", type=int, nargs="+", default=levels_of_paper)
     parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, help="only these parts")
     parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
     parser.add_argument("--short", action="store_true", help="once with 0 and 5 nodes, as a check")

@@ -5,10 +5,12 @@ ends that was not accused, code runs, a healer is not there any more, the failur
 than twice its usual time, or a healer takes more than it may. Needs root, to be three users.
 """
 import argparse
+import base64
 import json
 import os
 import shutil
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -16,7 +18,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Sequence, Set, Tuple
 
 import psutil
 from shsa_msgs.msg import Float64Stamped
@@ -33,13 +35,26 @@ from redteam_attacks import ATTACKS
 
 ROBOT, STRANGER = 4001, 4002
 DATA = PACKAGE / "test" / "data"
-NODES = {"source": 1.0, "spare": 1.0, "hot": 10.0, "warm": 10.0, "cold": 10.0}
+NODES = {"source": 1.0, "spare": 1.0, "hot": 10.0, "warm": 10.0, "cold": 10.0, "again": 10.0}
+AGAIN = """\
+  again:
+    topic: /again
+    type: shsa_msgs/Float64Stamped
+    node: /again_node
+    period: 0.02
+    needed: true
+    policy: restart
+    provides:
+      by_again: {field: data, range: [0, 100]}
+"""
+ATTACKED = "warm", "again"
+"""Nodes that fail, or whose names are taken: the master itself ends who had the name before."""
 HEALERS = "/monitor", "/reconfigurator"
 MOST_MEMORY_MB, MOST_PROCESSOR, MOST_SLOWER = 64.0, 0.1, 2.0
 SURE_S = 0.1
 """So much a failover may take longer because of a busy computer alone."""
 LOOK_S, IDLE_S, SHORT_S = 0.1, 3.0, 3.0
-SHORT_GROUPS = 3
+SHORT_GROUPS, USUAL = 3, 3
 ATTACKERS = Path(__file__).with_name("redteam_attacks.py")
 COLUMNS = ("attack", "tries", "outage ms, usually", "memory MB", "processor %", "result")
 
@@ -98,22 +113,41 @@ class Robot:
         words = as_user(ROBOT, self.home)
         self._ours = lambda *command: graph.start(*words, *command)
         self.nodes = {name: self._node(name) for name in NODES}
+        models = self._models()
         self.innocent = self._ours(sys.executable, "-m", "http.server", "0", "--bind", "127.0.0.1")
         self._launch = self._ours(
-            *("roslaunch", "shsa_core", "shsa.launch", f"ontology:={DATA / 'takeover.yaml'}"),
-            *(f"som:={DATA / 'takeover_som.yaml'}", "hold_off:=0.5", "switches:=0"),
+            *("roslaunch", "shsa_core", "shsa.launch", *models, "hold_off:=0.5", "switches:=0"),
         )
         self.records = {f"/{each}": TopicRecord(f"/{each}", Float64Stamped) for each in NODES}
         graph.healing.await_available(*self.records, seconds=60.0)
         wait_until(self._ready, 60.0, "substitutes stand by")
+        self._ours(
+            *("roslaunch", "shsa_view", "view.launch", *models),
+            *(f"view_port:={os.environ['VIEW_PORT']}", "actions:=true"),
+        )
+        wait_until(_view_listens, 60.0, "the view is there")
         self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
         self.idle = self.rates(IDLE_S)
+        self.price = {name: 0.0 for name in HEALERS}  # of one failure, in s
 
     def _folder(self, user: int, mode: int) -> Path:
         folder = Path(tempfile.mkdtemp(prefix="shsa_redteam_"))
         os.chown(str(folder), user, user)
         folder.chmod(mode)
         return folder
+
+    def _models(self) -> Tuple[str, str]:
+        """Return the arguments for an ontology and a SOM with a node that is started again."""
+        files = []
+        for name, old, new in (
+            ("takeover.yaml", "properties:\n", 'properties:\n  by_again: {unit: ""}\n'),
+            ("takeover_som.yaml", "services:\n", f"services:\n{AGAIN}"),
+        ):
+            files.append(self.home / name)
+            files[-1].write_text((DATA / name).read_text("utf-8").replace(old, new), "utf-8")
+            os.chown(str(files[-1]), ROBOT, ROBOT)
+            files[-1].chmod(0o600)
+        return f"ontology:={files[0]}", f"som:={files[1]}"
 
     def _node(self, name: str) -> "subprocess.Popen[str]":
         words = [sys.executable, "-m", "shsa_testing.faulty_publisher", f"__name:={name}_node"]
@@ -129,7 +163,7 @@ class Robot:
 
     def innocents(self) -> List[psutil.Process]:
         """Return whom nobody may end: all that is not accused rightly, and not a substitute."""
-        nodes = [process for name, process in self.nodes.items() if name != "warm"]
+        nodes = [process for name, process in self.nodes.items() if name not in ATTACKED]
         started = [psutil.Process(each.pid) for each in (*nodes, self.innocent, self._launch)]
         return [*started, *self.healers.values()]
 
@@ -168,10 +202,45 @@ class Robot:
         record.await_node(node)
         return outage
 
+    def usually(self) -> float:
+        """Return the outage in s that is usual, and learn what a failure costs the healers."""
+        before, began = self.use(), time.monotonic()
+        outages = [self.fail("warm") for _ in range(USUAL)]
+        took, after = time.monotonic() - began, self.use()
+        for each, idle in self.idle.items():
+            spent = after[each].processor - before[each].processor - took * idle
+            self.price[each] = max(0.0, spent / USUAL)
+        return statistics.median(outages)
+
+    def blamed(self) -> Set[str]:
+        """Return the topics that had incidents, by what healing writes down."""
+        logs = self.home.rglob("shsa_incidents.jsonl")
+        lines = [line for log in logs for line in log.read_text("utf-8").splitlines()]
+        return {json.loads(line)["topic"] for line in lines}
+
+    def started_strangely(self) -> bool:
+        """Return whether a process of the robot's user is one of a stranger's choice."""
+        rows = [each.info for each in psutil.process_iter(["uids", "cmdline"])]
+        words = [row["cmdline"] or [] for row in rows if row["uids"].real == ROBOT]
+        servers = [each for each in words if "http.server" in each]
+        return len(servers) > 1 or any(str(ATTACKERS) in each for each in words)
+
+    def is_known(self) -> bool:
+        """Return whether the secret is in what a stranger has kept."""
+        secret = (self.home / "shsa" / "secret").read_bytes()
+        forms = secret, secret.hex().encode(), base64.b64encode(secret)
+        kept = [path.read_bytes() for path in self.theirs.rglob("*") if path.is_file()]
+        return any(form in data for form in forms for data in kept)
+
     def end(self) -> None:
         """Remove what it left; the graph ends its processes."""
         for folder in (self.home, self.theirs):
             shutil.rmtree(str(folder), ignore_errors=True)
+
+
+def _view_listens() -> bool:
+    with socket.socket() as caller:
+        return caller.connect_ex(("127.0.0.1", int(os.environ["VIEW_PORT"]))) == 0
 
 
 def _words(process: psutil.Process) -> List[str]:
@@ -217,12 +286,18 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     said = [(each.communicate(timeout=seconds + 60.0)[0] or "0").split()[-1] for each in attackers]
     peak.end()
     took, after = time.monotonic() - began, robot.use()
-    rates = {e: (after[e].processor - before[e].processor) / took for e in HEALERS}
-    processor = max(rates[each] - robot.idle[each] for each in HEALERS)
+    spent = {e: after[e].processor - before[e].processor - robot.price[e] for e in HEALERS}
+    processor = max(spent[each] / took - robot.idle[each] for each in HEALERS)
     memory = max(peak.memory[each] - before[each].memory for each in HEALERS)
     faults = [f"{' '.join(_named(each))} was ended" for each in innocent if not running(each)]
     if (robot.theirs / "ran").exists():
-        faults.append("code was run")
+        faults.append("code was run, or what is private was had")
+    if robot.started_strangely():
+        faults.append("what no robot has was started")
+    if robot.is_known():
+        faults.append("the secret is known")
+    if not all(map(_leaves_no_core, robot.healers.values())):
+        faults.append("a core may hold the secret")
     faults += [f"{each} is another" for each, p in robot.healers.items() if not _is(each, p)]
     if usual and outage > max(MOST_SLOWER * usual, usual + SURE_S):
         faults.append("healed too late")
@@ -230,11 +305,19 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
         faults.append("too much memory")
     if usual and processor > MOST_PROCESSOR:
         faults.append("too much processor time")
+    faults += [
+        f"{topic} was blamed" for topic in sorted(robot.blamed() - {f"/{e}" for e in ATTACKED})
+    ]
     for name, count in zip(names, said):
         if count == "0":
             faults.append(f"nothing was tried: {name}")
     tries = sum(map(int, said))
     return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
+
+
+def _leaves_no_core(process: psutil.Process) -> bool:
+    rows = Path(f"/proc/{process.pid}/limits").read_text("ascii").splitlines()
+    return any(row.split()[:5] == ["Max", "core", "file", "size", "0"] for row in rows)
 
 
 def _named(process: psutil.Process) -> List[str]:
@@ -251,13 +334,15 @@ def one(name: str, seconds: float) -> Result:
     with Graph() as graph:
         robot = _robot(graph)
         try:
-            usual = statistics.median(robot.fail("warm") for _ in range(3))
-            return attack(robot, [name], seconds, usual)
+            return attack(robot, [name], seconds, robot.usually())
         finally:
             robot.end()
 
 
 def _robot(graph: Graph) -> Robot:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        os.environ["VIEW_PORT"] = str(free.getsockname()[1])
     os.chown(str(graph.folder), ROBOT, ROBOT)
     graph.folder.chmod(0o755)
     return Robot(graph)

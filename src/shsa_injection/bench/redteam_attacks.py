@@ -8,6 +8,7 @@ import http.client
 import itertools
 import os
 import random
+import signal
 import socket
 import struct
 import subprocess
@@ -108,7 +109,7 @@ def _held(at: Callable[[str], Tuple[str, int]], end: float, begin: bytes) -> int
 
 def calls(target: Target, end: float) -> int:
     """Make calls of 60 kB that cost much to be read, on connections that stay."""
-    body = xmlrpc.client.dumps((["a", [1] * 2500],), "getPid").encode()
+    body = xmlrpc.client.dumps((["a", [1] * 2200],), "getPid").encode()
     return flood(lambda node: _caller(target.address(node), body), end, target)
 
 
@@ -173,11 +174,9 @@ def subscribers(target: Target, end: float) -> int:
             topic, kind = said[node]
             fields = {"topic": topic, "type": kind._type}
             fields.update(callerid=f"/s{count}", md5sum=kind._md5sum)
-            lines = [f"{key}={value}".encode() for key, value in fields.items()]
-            header = b"".join(LENGTH.pack(len(line)) + line for line in lines)
             with suppress(*ERRORS):
                 opened.append(socket.create_connection(target.data(node), 1.0))
-                opened[-1].sendall(LENGTH.pack(len(header)) + header)
+                opened[-1].sendall(_header(fields))
             count += 1
         while len(opened) > 1000:
             opened.pop(0).close()
@@ -236,6 +235,12 @@ def _port_of(pid: int) -> int:
                 if "SimpleHTTP" in (probe.getresponse().getheader("Server") or ""):
                     return port
     return 0
+
+
+def _header(fields: Dict[str, str]) -> bytes:
+    lines = [f"{key}={value}".encode() for key, value in fields.items()]
+    header = b"".join(LENGTH.pack(len(line)) + line for line in lines)
+    return LENGTH.pack(len(header)) + header
 
 
 def _framed(message: Any) -> bytes:
@@ -313,9 +318,8 @@ def requests(target: Target, end: float) -> int:
             with suppress(*ERRORS):
                 host, port = target.master.lookupService(name)[9:].strip("/").split(":")
                 with socket.create_connection((host, int(port)), 1.0) as connection:
-                    lines = [f"service={name}", "md5sum=*", "callerid=/stranger", "persistent=1"]
-                    header = b"".join(LENGTH.pack(len(x)) + x.encode() for x in lines)
-                    connection.sendall(LENGTH.pack(len(header)) + header)
+                    fields = {"service": name, "md5sum": "*", "callerid": "/stranger"}
+                    connection.sendall(_header({**fields, "persistent": "1"}))
                     connection.settimeout(0.2)
                     with suppress(OSError):
                         connection.recv(10_000)
@@ -351,6 +355,110 @@ def files(target: Target, end: float) -> int:
     return count
 
 
+def services(target: Target, end: float) -> int:
+    """Ask what would be done if a topic failed, on connections that stay."""
+    from shsa_msgs.srv import FindSubstitute
+
+    name = "/shsa/find_substitute"
+    host, port = target.master.lookupService(name)[9:].strip("/").split(":")
+    fields = {"service": name, "md5sum": FindSubstitute._md5sum, "callerid": "/stranger"}
+    header = _header({**fields, "persistent": "1"})
+    asked = _framed(FindSubstitute._request_class(topic="/warm", method="all"))
+
+    def attempts(_: str) -> Try:
+        opened: List[socket.socket] = []
+
+        def attempt() -> None:
+            try:
+                if not opened:
+                    opened.append(socket.create_connection((host, int(port)), 5.0))
+                    opened[0].sendall(header)
+                    opened[0].recv(10_000)
+                opened[0].sendall(asked)
+                if not opened[0].recv(100_000):
+                    raise ConnectionResetError
+            except OSError:
+                opened.clear()
+                raise
+
+        return attempt
+
+    return flood(attempts, end, target)
+
+
+def recordings(target: Target, end: float) -> int:
+    """Record every topic, and keep every parameter: the secret may be in one of them."""
+    words = ["rosbag", "record", "-a", "-O", f"{target.folder}/all.bag", "__name:=recording"]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    count = 0
+    while time.monotonic() < end - 2.0:
+        Path(target.folder, "parameters").write_text(str(target.master.getParam("/")), "utf-8")
+        count += 1
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    process.wait()
+    return count + int(any(Path(target.folder).glob("all.bag*")))
+
+
+def restarts(target: Target, end: float) -> int:
+    """Be the node that is started again: by its name, with our words, and its parameters ours."""
+    from shsa_msgs.msg import Float64Stamped
+    from shsa_testing.raw_publisher import RawPublisher
+
+    count = 0
+    while time.monotonic() < end:
+        bad = RawPublisher("/again", "/again_node", Float64Stamped(data=10.0))
+        pid: Callable[..., Any] = lambda caller: [1, "", (os.getpid(), target.innocent)[count % 2]]
+        bad._api.register_function(pid, "getPid")
+        topics: Callable[..., Any] = lambda caller: [1, "", [["/again", Float64Stamped._type]]]
+        bad._api.register_function(topics, "getPublications")
+        with suppress(*ERRORS):
+            bad.register("/again_node")
+            bad.tell("/monitor")
+        for name in ("value", "topic", "command", "launch-prefix"):
+            with suppress(*ERRORS):
+                target.master.setParam(f"/again_node/{name}", target.code)
+        time.sleep(3.0)
+        bad._frame = _framed(Float64Stamped(data=1e6))
+        time.sleep(1.0)
+        bad.close()
+        count += 1
+    return count
+
+
+def view(target: Target, end: float) -> int:
+    """Ask the view as a page of another site does: by other names, with forms, and no token."""
+    at = "127.0.0.1", int(os.environ["VIEW_PORT"])
+    evil = {"Origin": "http://evil.example", "Referer": "http://evil.example/"}
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    code = "<script>alert(1)</script>"
+    tries: List[Tuple[str, str, Dict[str, str], str]] = [
+        ("GET", "/api/state", {"Host": "evil.example"}, ""),
+        ("GET", "/", {"Host": "evil.example:80"}, ""),
+        ("POST", "/api/actions/release", {**evil, **form}, "topic=/warm"),
+        ("POST", "/api/actions/substitute", {**evil, "Authorization": "Bearer x"}, "{}"),
+        ("POST", "/api/actions/inject", {**evil, "Content-Type": "text/plain"}, "{}"),
+        ("GET", f"/api/what_if?node=/{code}", evil, ""),
+        ("GET", "/static/../../../../etc/passwd", {}, ""),
+        ("GET", "/static/%2e%2e/%2e%2e/handlers.py", {}, ""),
+    ]
+    count = 0
+    while time.monotonic() < end:
+        for method, path, headers, body in tries:
+            connection = http.client.HTTPConnection(*at, timeout=2.0)
+            with suppress(*ERRORS):
+                connection.request(method, path.replace(" ", "%20"), body, headers)
+                answer = connection.getresponse()
+                text = answer.read().decode("utf-8", "replace")
+                told = answer.getheader("Content-Type", "")
+                if answer.status == 200 or (code in text and "json" not in told):
+                    Path(target.folder, "ran").touch()
+                count += 1
+            connection.close()
+        time.sleep(0.02)
+    return count
+
+
 def messages(target: Target, end: float) -> int:
     """Say what healing alone may say: forged, wrongly signed, repeated, and much of it."""
     stranger = Path(__file__).resolve().parents[2] / "shsa_core/test/rostest/stranger"
@@ -366,7 +474,7 @@ ATTACKS: Dict[str, Callable[[Target, float], int]] = {
     each.__name__: each
     for each in (
         *(calls, families, announced, slow, bombs, connections, subscribers, messages),
-        *(parameters, names, requests, files),
+        *(parameters, names, requests, files, services, recordings, restarts, view),
     )
 }
 

@@ -24,9 +24,11 @@ CHARGES = (0.3, 0.95)  # states of charge at the start
 SAMPLE_ROWS = 10  # rows between two that the calibration is given: 5 Hz
 LONGEST_LAG_ROWS = 25
 SENSOR, MEAN = "sensor", "mean of the sensor before"
+UNHEALED = "without healing"
+HELD_ROWS = 100  # for which the estimator holds the last current; then it counts nothing
 CHOSEN, SECOND = "chosen", "second choice"
 CALIBRATED = ", calibrated"
-WAYS = (SENSOR, MEAN, CHOSEN, CHOSEN + CALIBRATED, SECOND, SECOND + CALIBRATED)
+WAYS = (SENSOR, UNHEALED, MEAN, CHOSEN, CHOSEN + CALIBRATED, SECOND, SECOND + CALIBRATED)
 """Ways in which the current goes on; the first, to compare with, loses nothing."""
 
 
@@ -89,6 +91,8 @@ def _ways(
     """Yield every way: what it yields from row on, and the p95 error that it states."""
     measured = data.measured[CURRENT]
     yield SENSOR, measured, None
+    held = np.where(np.arange(len(measured)) < row + HELD_ROWS, measured[row - 1], 0.0)
+    yield UNHEALED, held, None
     yield MEAN, np.full_like(measured, np.mean(measured[:row])), None
     columns = Columns(ontology, data.time, data.measured)
     for name, plan in zip((CHOSEN, SECOND), choices):

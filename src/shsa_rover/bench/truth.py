@@ -51,6 +51,7 @@ def figures(table: Mapping[Tuple[str, str], List[Outcome]]) -> List[List[str]]:
                 way,
                 f"{np.median(charges):.3f}",
                 f"{p95(charges):.3f}",
+                f"{min(charges):.3f} to {max(charges):.3f}",
                 f"{nrmse(found):.1f}",
                 f"{np.median([each.lag for each in found]):.3f}",
                 f"{100.0 * np.mean(within):.1f}" if within else "",
@@ -59,7 +60,7 @@ def figures(table: Mapping[Tuple[str, str], List[Outcome]]) -> List[List[str]]:
     return rows
 
 
-HEADER = ("world", "way", "median", "p95", "NRMSE, %", "lag, s", "within p95, %")
+HEADER = ("world", "way", "median", "p95", "range", "NRMSE, %", "lag, s", "within p95, %")
 
 
 def judge_ways(goals: Goals, table: Mapping[Tuple[str, str], List[Outcome]]) -> None:

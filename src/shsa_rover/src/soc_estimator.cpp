@@ -1,5 +1,6 @@
-// Estimates the battery's state of charge: /battery_current in, /battery_state out. Where no state of charge is known,
-// it starts from the first second of /battery_voltage, and listens to that no more.
+// Estimates the battery's state of charge: /battery_current in, /battery_state out. Where no state of charge is known
+// (from before, or by ~state_of_charge), it starts from the first second of /battery_voltage, and listens to that no more.
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -84,6 +85,9 @@ public:
         other_runs_(parameters.param("state_of_other_runs", true)) {
     run_ = node.param<std::string>("/run_id", "-");
     restore();
+    if (!estimator_.started() && parameters.hasParam("state_of_charge")) {
+      estimator_.start(std::min(1.0, positiveParameter(parameters, "state_of_charge", -1.0)), 0.0);
+    }
     publisher_ = node.advertise<sensor_msgs::BatteryState>("battery_state", 10);
     uncertainty_ = node.advertise<shsa_msgs::Float64Stamped>("battery_state/uncertainty", 10);
     current_ = node.subscribe("battery_current", 1000, &SocEstimator::onCurrent, this,

@@ -10,6 +10,7 @@ from shsa_testing.graph import node_process
 from shsa_testing.healing import HealedRobot, TopicRecord
 
 FILLED_IN = 10  # messages; on a busy machine the original may be late, and is filled in for
+FRAME = "body"
 SOON_S = 0.15  # a bound for a busy machine, the figures are those of the benchmark
 
 
@@ -55,7 +56,7 @@ class FaultyRobot(unittest.TestCase):
     def start(self, node: str) -> None:
         """Start a node as a person would."""
         topic, value = self.nodes[node]
-        self.processes.append(FaultyNode(node, topic, value=value))
+        self.processes.append(FaultyNode(node, topic, value=value, frame=FRAME))
 
     def healed(self, topic: str, node: str) -> str:
         """Wait until the substitute publishes."""
@@ -63,6 +64,8 @@ class FaultyRobot(unittest.TestCase):
         self.assertEqual(incident.faulty_node, node)
         self.records[topic].await_node(incident.substitute)
         self.assertAlmostEqual(self.records[topic].last.data, 10.0)
+        frame = self.records[topic].newest[node].header.frame_id
+        self.assertEqual(self.records[topic].last.header.frame_id, frame)
         return str(incident.substitute)
 
     def returns(self, topic: str, node: str, substitute: str) -> None:

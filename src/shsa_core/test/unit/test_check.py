@@ -5,6 +5,7 @@ from typing import Any, Callable, List, Optional, Tuple
 
 import pytest
 
+from shsa_core import message_types
 from shsa_core.analysis.check import Finding, check_files
 from shsa_core.cli.main import main
 
@@ -114,6 +115,23 @@ def test_the_values_that_nothing_derives_are_named(check: Check) -> None:
         f.what for f in check(ONTOLOGY, som.replace("needed: true,", "")) if "lonely" in f.what
     ]
     assert what.startswith("amps may be needed, but if /amps fails")
+
+
+def test_what_a_message_marks_as_unknown_stands_in_nobodys_way(tmp_path: pathlib.Path) -> None:
+    (tmp_path / "o.yaml").write_text(ONTOLOGY)
+    battery = "{topic: /i, type: sensor_msgs/BatteryState, node: /amps, period: 0.1, needed: true,"
+    values = "provides: {i: {field: current}, lonely: {field: temperature}}}"
+    som = SOM.splitlines()
+    (tmp_path / "s.yaml").write_text("\n".join([som[0], f"  amps: {battery} {values}", *som[3:]]))
+    files = str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml")
+    found = [f for f in check_files(*files, message_types) if f.what.startswith("amps is needed")]
+    assert [each.what for each in found] == [
+        "amps is needed, but if /amps fails there is a substitute for part of it: "
+        "lonely is left unknown, missing any relation that yields it"
+    ]
+    assert found[0].todo.endswith("or leave lonely out of its 'provides'")
+    (without_ros,) = [f for f in check_files(*files) if f.what.startswith("amps is needed")]
+    assert "no substitute for i, lonely: lonely cannot be derived" in without_ros.what
 
 
 def test_what_stands_in_the_way_of_a_substitute_is_named(check: Check) -> None:

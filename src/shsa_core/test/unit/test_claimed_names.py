@@ -19,7 +19,7 @@ def test_who_claims_the_name_of_another_is_whom_the_master_lists(
     monitor.until(lambda: monitor.heard == [("/stranger", b"forged")])
     stranger.die()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Disconnected"] and monitor.seen[0].publisher == "/stranger"
+    assert monitor.kinds() == ["Gone"] and monitor.seen[0].publisher == "/stranger"
     why = "it is /stranger, by the master's word"
     assert monitor.refused == [(monitor.topic, node.name, why)]
 
@@ -92,7 +92,7 @@ def test_a_connection_counts_no_more_for_a_name_that_another_process_has_taken(
     returned = Node(monitor.topic)
     monitor.hear_of(returned)
     monitor.until(lambda: "Connected" in monitor.kinds())
-    assert monitor.seen[0].uri == returned.uri + "/"
+    assert monitor.seen[0].at == returned.uri + "/"
     node.send(framed(b"bad") * 100)
     monitor.until(lambda: bool(monitor.refused))
     returned.send(framed(b"good"))
@@ -118,7 +118,7 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor.connect(node)
     assert monitor.connections._identities.knows(node.name, node.uri)
     node.die()
-    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    monitor.until(lambda: "Gone" in monitor.kinds())
     assert not monitor.connections._identities.knows(node.name, node.uri)
 
 

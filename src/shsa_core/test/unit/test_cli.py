@@ -158,7 +158,7 @@ def test_find_says_in_words_that_nothing_replaces(shsa: Shsa) -> None:
 
 
 def test_find_lists_all_in_words(shsa: Shsa, monkeypatch: Any) -> None:
-    monkeypatch.setattr("shsa_core.cli._answers.MOST", 1)
+    monkeypatch.setattr("shsa_learning.cli._answers.MOST", 1)
     out = shsa("find", "current", "--method", "all")[1]
     assert out == "   1. quality 0.9 by fit from /speed/data\nand more\n"
     out = shsa("find", "current", "--method", "all", "--json")[1]
@@ -275,6 +275,28 @@ def test_all_commands_say_that_a_topic_is_lost_with_one_of_its_values(cart: Any)
     assert said in cart("", "check")[1]
 
 
+BATTERY = """\
+  battery: {topic: /b, type: sensor_msgs/BatteryState, node: /bms, period: 0.1, needed: true,
+            provides: {speed: {field: current}, turn: {field: temperature}}}
+"""
+
+
+def test_find_says_what_a_message_leaves_unknown(cart: Any) -> None:
+    for words in (["--topic", "/b"], ["battery"]):
+        status, out = cart(BATTERY, "find", *words, "--without", "/drive")
+        assert status == 0 and "output  /b/current\n" in out
+        assert "Its messages leave turn unknown. Missing: any relation that yields it" in out
+    words = ["battery", "--without", "/drive", "--json"]
+    answer = json.loads(cart(BATTERY, "find", *words)[1])
+    assert (answer["unknown"], answer["missing"]) == (["turn"], [])
+    status, out = cart(BATTERY, "find", "turn", "--without", "/drive", "--without", "/bms")
+    assert status == 1 and "Nothing replaces turn" in out
+    status, out = cart(BATTERY.replace("temperature", "capacity"), "find", "--topic", "/b")
+    assert status == 0  # the drive tells how it turns
+    out = cart(BATTERY.replace("temperature", "capacity"), "find", *words[:-1])[1]
+    assert "In the way: turn; the other values can be derived" in out
+
+
 def test_all_commands_say_that_the_only_law_cannot_be_executed(cart: Any) -> None:
     said = "the relation learned for heading cannot be executed: network(tilt)"
     assert said in cart("", "check")[1] and said in cart("", "find", "heading")[1]
@@ -283,7 +305,7 @@ def test_all_commands_say_that_the_only_law_cannot_be_executed(cart: Any) -> Non
 def test_a_property_is_healed_with_its_service(cart: Any) -> None:
     status, out = cart(GYRO, "find", "speed")
     assert status == 0 and "speed: quality 1 by rolling from /wheel/data, proven best" in out
-    assert "odometry (/odom) is healed with all of its values, speed, turn: quality 1" in out
+    assert "odometry (/odom) is healed with /odom/v,/odom/w: quality 1" in out
     answer = json.loads(cart(GYRO, "find", "speed", "--json")[1])
     assert answer["relations"] == ["rolling"] and answer["output"] == "/odom/v"
     (whole,) = answer["services"]

@@ -33,10 +33,13 @@ from sensor_msgs.msg import (
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Float64, Int32, String
 
+from shsa_core import message_types
 from shsa_core.errors import ShsaError
+from shsa_core.model.conventions import CONVENTIONS, UNKNOWN_VARIANCE, with_unknowns
 from shsa_core.model.kinds import Others
+from shsa_core.model.service import Provision, Service
+from shsa_core.model.som import Som
 from shsa_core.ros.messages.composing import compose, read_message
-from shsa_core.ros.messages.conventions import CONVENTIONS, UNKNOWN_VARIANCE
 
 LARGE = UNKNOWN_VARIANCE
 UNKNOWN, LAST, ZERO = Others.UNKNOWN, Others.LAST, Others.ZERO
@@ -184,14 +187,57 @@ def test_a_battery_says_nan_where_its_documentation_does() -> None:
     last = BatteryState(voltage=12.0, temperature=20.0, current=-1.0, charge=5.0, capacity=7.0)
     last.design_capacity, last.cell_voltage, last.location = 8.0, [4.0] * 3, "left"
     last.power_supply_technology, last.present = 2, True
+    last.power_supply_status, last.power_supply_health = 2, 1
     last.header.frame_id = "battery"
     message = composed(last, percentage=None)
-    for name in ("temperature", "current", "charge"):
+    for name in ("voltage", "temperature", "current", "charge"):
         assert math.isnan(getattr(message, name)), name
-    assert (message.voltage, message.capacity, message.design_capacity) == (12.0, 7.0, 8.0)
+    assert (message.capacity, message.design_capacity) == (7.0, 8.0)
+    assert (message.power_supply_status, message.power_supply_health) == (0, 0)
+    assert composed(last, power_supply_status=None).power_supply_status == 2
     assert len(message.cell_voltage) == 3 and all(map(math.isnan, message.cell_voltage))
     assert (message.location, message.power_supply_technology, message.present) == ("left", 2, True)
     assert math.isnan(unknown(BatteryState, percentage=None).voltage)
+
+
+SAYS_UNKNOWN = [
+    (BatteryState, "voltage", "voltage"),
+    (BatteryState, "cell_voltage[1]", "cell_voltage[1]"),
+    (BatteryState, "power_supply_status", "power_supply_status"),
+    (BatteryState, "capacity", ""),
+    (Imu, "angular_velocity.z", "angular_velocity"),
+    (Imu, "yaw(orientation)", "orientation"),
+    (Imu, "orientation_covariance[0]", ""),
+    (Odometry, "twist.twist.linear.x", ""),
+    (Odometry, "yaw(pose.pose.orientation)", ""),
+    (NavSatFix, "latitude", ""),
+    (JointState, "velocity[name=left]", "velocity[name=left]"),
+    (MagneticField, "magnetic_field.x", "magnetic_field.x"),
+    (LaserScan, "ranges[0]", "ranges[0]"),
+    (LaserScan, "range_max", ""),
+    (Temperature, "variance", ""),
+    (Joy, "axes[0]", ""),
+    (Float64Stamped, "data", "data"),
+    (Float64Stamped, "header.seq", ""),
+    (Int32, "data", ""),
+]
+
+
+@pytest.mark.parametrize("kind, field, unknown_with", SAYS_UNKNOWN)
+def test_a_value_is_marked_whose_message_can_say_that_it_is_unknown(
+    kind: Type[genpy.Message], field: str, unknown_with: str
+) -> None:
+    provision = Provision("a", field)
+    som = Som([Service("a", "/a", kind._type, "/n", 0.1, (provision,))])
+    (marked,) = with_unknowns(som, message_types.layout).sources
+    assert marked.provision == provision
+    assert marked.provision.unknown_with == unknown_with
+
+
+def test_a_type_that_is_not_built_says_nothing() -> None:
+    som = Som([Service("a", "/a", "no/No", "/n", 0.1, (Provision("a", "data"),))])
+    (source,) = with_unknowns(som, message_types.layout).sources
+    assert source.provision.unknown_with == ""
 
 
 def test_distances_are_nan_and_what_the_device_is_stays() -> None:

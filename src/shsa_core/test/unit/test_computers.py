@@ -2,6 +2,7 @@
 import hashlib
 import json
 import random
+import secrets
 import threading
 from typing import Any, Callable, Dict, List
 
@@ -306,7 +307,7 @@ def test_a_proof_of_another_version_is_none() -> None:
 
 def test_a_proof_counts_for_its_nonce_alone(world: World) -> None:
     sender, reader = Robot(world, "sender"), Reader(world)
-    old = sender.proves(proof.nonce())
+    old = sender.proves(secrets.token_hex(proof.NONCE_B))
     sender.answers = lambda node, nonce: old
     assert reader.hears(sender.says()) == "sender on sender: its secret is another than ours"
 
@@ -407,7 +408,7 @@ def test_a_process_proves_each_secret_that_it_holds(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(proof, "master_seen", lambda: MASTER)
     proof.serve(SECRET, b"b" * 16)
     proof.serve(bytes(32), b"c" * 16)
-    asked = proof.nonce()
+    asked = secrets.token_hex(proof.NONCE_B)
     code, _, answers = proof._prove(None, "/me", asked)
     call = lambda uri, method, nonce: Answer(proof._prove(None, "/me", nonce)[2], 0, 0)
     met = Challenger(SECRET, lambda node: "http://x:1/", call, lambda: MASTER).ask("/sender")

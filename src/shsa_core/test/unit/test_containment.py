@@ -405,12 +405,13 @@ def test_a_protected_node_that_keeps_failing_is_let_back() -> None:
     assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
 
 
-def test_a_node_that_was_killed_is_not_protected_any_more() -> None:
+def test_a_node_is_protected_as_its_last_life_was_until_it_is_learned_anew() -> None:
     robot = Robot()
     robot.handle(events.NodeLearned(2.0, A, True, "it is required"))
-    robot.fail("/a", A, 10.0)  # it is dead: nothing is left to be protected
+    robot.fail("/a", A, 10.0)
     robot.handle(events.NodeFound(10.1, A, events.Where.DEAD))
-    assert A not in robot.core.robot.health.protected
+    assert robot.core.robot.health.protected == {A: "it is required"}
+    robot.handle(events.NodeLearned(11.0, A, True, ""))
     robot.handle(events.NodeLearned(12.0, B, True, "it is required"))
     robot.handle(events.NodeLearned(13.0, B, True, ""))
     assert not robot.core.robot.health.protected

@@ -1,6 +1,6 @@
 """The duties of a node: what the robot loses with it beyond the SOM."""
 from dataclasses import replace
-from typing import Dict, Set, Tuple
+from typing import Dict, FrozenSet, Set, Tuple
 
 import pytest
 
@@ -93,3 +93,12 @@ def test_nodes_of_healing_and_those_that_the_som_does_not_concern_have_none() ->
     pairs = frozenset({("/a", "/substitute_a_1"), ("/other", "/other_node")})
     heard = frozenset({("/x", "/substitute_a_1"), ("/y", "/other_node")})
     assert duties_of(SOM, Names("/"), pairs, heard, frozenset()) == {}
+
+
+def test_a_node_that_is_gone_keeps_its_duties_until_it_is_listed_again() -> None:
+    nobody: FrozenSet[Tuple[str, str]] = frozenset()
+    before = {A: ("takes /cmd_vel",), "/stranger": ("broadcasts tf",)}
+    gone = duties_of(SOM, Names("/"), nobody, nobody, nobody, had=before)
+    assert gone == {A: ("takes /cmd_vel",)}
+    back = duties_of(SOM, Names("/"), frozenset({("/a", A)}), nobody, nobody, had=before)
+    assert back == {}

@@ -6,12 +6,12 @@ import pytest
 from shsa_msgs.msg import Calibrations
 
 from core_robot import A, ONTOLOGY, SOM, Robot, last_incident, only, service
-from shsa_core.codegen.plans import plan_service
+from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.planner import Calibrated
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.planner import AnyPlan, Planner
+from shsa_core.healing.planner import Planner
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
@@ -67,10 +67,10 @@ def test_a_substitute_starts_with_what_was_learned(mode: str) -> None:
 
 def test_a_takeover_works_out_what_a_plan_gives_once(monkeypatch: Any) -> None:
     robot = Robot(standby("cold"))
-    worked_out: List[AnyPlan] = []
+    worked_out: List[Plan] = []
     work_out = Planner._outputs
 
-    def count(planner: Planner, plan: AnyPlan, known: Calibrated) -> Tuple[Signal, ...]:
+    def count(planner: Planner, plan: Plan, known: Calibrated) -> Tuple[Signal, ...]:
         worked_out.append(plan)
         return work_out(planner, plan, known)
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from core_robot import A, B, Robot, has, last_incident, only, publishing, service
+from core_robot import A, B, C, Robot, has, last_incident, only, publishing, service
 from hosts_robot import (
     BOARD,
     PI,
@@ -322,11 +322,15 @@ def test_a_substitute_yields_to_nobody_where_the_original_is_wrong_or_gone() -> 
     assert stopped(robot.failure("/a", node, 12.0, "silent", "no message", 11.7)) == [node]
 
 
-def test_where_all_is_on_one_computer_nobody_listens_for_others() -> None:
-    robot = Robot(Som([service("a", A, needed=True, standby=Standby.HOT), service("b", B)]))
-    assert [row.on_partition for row in robot.working()] == [OnPartition.WAIT]
-    robot.failure("/a", A, 10.0, "silent", "no message", 9.7)
-    assert [row.yields for row in robot.working()] == [False]
+def test_on_one_computer_a_substitute_yields_to_a_spared_node_alone_on_its_topic() -> None:
+    hot = service("a", A, needed=True, standby=Standby.HOT)
+    for more, yields in (((), True), ((service("c", C, topic="/a"),), False)):
+        robot = Robot(Som([hot, service("b", B), *more]))
+        assert [row.on_partition for row in robot.working()] == [OnPartition.WAIT]
+        robot.failure("/a", A, 10.0, "silent", "no message", 9.7)
+        assert [row.yields for row in robot.working()] == [yields]
+        robot.failure("/a", A, 11.0, "out_of_range", "a is 9", 9.7)
+        assert [row.yields for row in robot.working()] in ([], [False])
 
 
 def test_an_event_driven_service_of_a_lost_computer_is_said_not_to_be_healed() -> None:

@@ -187,7 +187,7 @@ class AnyRobot(RuleBasedStateMachine):
                 speaks = waits or healing.state in (State.WELL, State.RETURNING)
                 alone = len(core.robot.som.of_topic(service.topic)) == 1
                 beside = healing.substitute.host == core.robot.host_of(service.node)
-                bridges = speaks and alone and beside and isinstance(plan, Plan)
+                bridges = speaks and alone and beside and plan.computes
                 bridges = bridges and service.policy.substitutes
                 rows[healing.node] = Substitution(
                     healing.node,
@@ -195,13 +195,13 @@ class AnyRobot(RuleBasedStateMachine):
                     planner.inputs(plan),
                     plan.program.code,
                     planner.outputs(plan),
-                    plan.relations if isinstance(plan, Plan) else (),
-                    plan.quality if isinstance(plan, Plan) else 0.0,
+                    plan.relations,
+                    plan.quality,
                     healing.publishes,
                     healing.incident.faulty_node if healing.incident.killed else "",
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
-                    yields=parted and healing.yields,
+                    yields=healing.yields,
                     bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows

@@ -18,7 +18,7 @@ from rospy.impl.tcpros_base import TCPROSServer
 from rospy.impl.tcpros_pubsub import TCPROSHandler
 
 from shsa_core.ros import settings
-from shsa_core.ros.rospy_patches import inbound
+from shsa_core.ros.rospy_patches import callers, inbound
 from shsa_core.ros.trust.owners import speaker
 from shsa_testing.waiting import wait_until
 
@@ -51,10 +51,12 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    rooms = [callers.Room(callers.Debts(), speaker) for _ in range(2)]
+    callback = TCPROSServer._tcp_server_callback
     monkeypatch.setattr(
         TCPROSServer,
         "_tcp_server_callback",
-        inbound._apart(TCPROSServer._tcp_server_callback, speaker),
+        inbound._with_room(inbound._apart(callback, rooms[0]), rooms[1], "MOST_WAITING"),
     )
     found = Server()
     yield found
@@ -204,6 +206,7 @@ def test_the_head_of_a_call_has_an_end(api: Tuple[str, int]) -> None:
             return  # it was given up while more came
 
 
+STRANGERS = 4002
 STRANGER = """
 import socket, sys, time, xmlrpc.client
 port, what = int(sys.argv[1]), sys.argv[2]
@@ -255,10 +258,11 @@ def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatc
     clock = SimpleNamespace(
         monotonic=lambda: now[0], thread_time=lambda: used[0], sleep=waits.append
     )
-    monkeypatch.setattr(inbound, "time", clock)
+    monkeypatch.setattr(callers, "time", clock)
     monkeypatch.setattr(settings, "CALLER_CREDIT_S", 0.5)
     monkeypatch.setattr(settings, "CALLER_SHARE", 0.1)
-    debts = inbound._Debts()
+    monkeypatch.setattr(callers, "_charged", threading.local())
+    debts = callers.Debts()
     for caller, spent, told in (
         ("a", 0.5, []),
         ("a", 0.2, [2.0]),
@@ -272,3 +276,36 @@ def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatc
     now[0] += 2.0
     debts.wait("a")
     assert waits == []
+
+
+def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    debts = callers.Debts()
+    rooms = [callers.Room(debts, lambda _: STRANGERS) for _ in range(2)]
+    monkeypatch.setattr(settings, "CALLER_SHARE", 1e-6)
+    monkeypatch.setattr(settings, "CALLER_CREDIT_S", 5.0)
+    debts.wait("")
+    call, subscribe = socket.socketpair(), socket.socketpair()
+    served: List[callers.Inbound] = []
+    rooms[0].admit(call[0], 10, served.append)
+    assert [each.caller for each in served] == [f"user {STRANGERS}"]
+    callers.charge_also(6.0)  # as for a service's answer, which another thread finds
+    served[0].pay()
+    rooms[1].admit(subscribe[0], 10, served.append)
+    assert len(served) == 1 and subscribe[1].recv(1) == b""  # refused, before anything is read
+    for each in (call[1], subscribe[1], *served):
+        each.close()
+
+
+def test_nobody_pays_for_what_a_thread_did_for_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    used = [0.0]
+    clock = SimpleNamespace(monotonic=lambda: 0.0, thread_time=lambda: used[0], sleep=used.append)
+    monkeypatch.setattr(callers, "time", clock)
+    monkeypatch.setattr(callers, "_charged", threading.local())
+    debts = callers.Debts()
+    used[0] = 100.0
+    debts.wait("")
+    used[0] += 0.1
+    debts.wait("user 4002")
+    assert used == [100.1] and debts.owed("user 4002") == 0.0

@@ -303,29 +303,30 @@ def test_what_rospy_closes_is_forgotten(bench: Bench) -> None:
 
 
 def test_a_process_that_stands_by_leaves_the_processor_to_others_until_it_matters() -> None:
-    """In a process of its own: nobody but root gets its priority back."""
+    """In a process of its own, told by itself or by another: only root's can be raised again."""
     program = """
-import os, threading
-from shsa_core.ros.processes import priority
+import os, subprocess, threading
+from shsa_core.ros.processes.priority import HURRIES, STANDS_BY, USUAL, as_usual, set_all
 nice = lambda: os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
-usual, lowered = nice(), priority.lower()
-assert nice() == usual + (priority.LOWERED if lowered else 0), nice()
-others = []
-thread = threading.Thread(target=lambda: others.append(nice()))
-thread.start(); thread.join()
-assert others == [nice()]
-if lowered:
-    ready, end = threading.Event(), threading.Event()
-    def wait():
-        ready.set(); end.wait(); others.append(nice())
-    thread = threading.Thread(target=wait)
-    thread.start(); ready.wait()
-    priority.restore_all()
-    end.set(); thread.join()
-    assert nice() == usual and others[1:] == [usual], others
-    priority.lower_all()
-    assert nice() == usual + priority.LOWERED, nice()
-print(lowered)
+root = os.geteuid() == 0
+others, asked, told = [], threading.Semaphore(0), threading.Semaphore(0)
+def work():
+    while asked.acquire():
+        others.append(nice()); told.release()
+threading.Thread(target=work, daemon=True).start()
+for wanted in (STANDS_BY, HURRIES, USUAL, STANDS_BY, HURRIES):
+    set_all(wanted)
+    asked.release(); told.acquire()
+    assert [nice(), others[-1]] == [wanted if root else 0] * 2, (wanted, nice(), others)
+child = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+assert subprocess.check_output(as_usual(["python3", "-c", child])) == b"0\\n"
+sleeper = subprocess.Popen(["sleep", "60"])
+set_all(STANDS_BY, sleeper.pid)
+found = os.getpriority(os.PRIO_PROCESS, sleeper.pid)
+sleeper.kill(); sleeper.wait()
+assert found == (STANDS_BY if root else 0), found
+set_all(STANDS_BY, sleeper.pid)  # it has ended
+print(root)
 """
     done = subprocess.run(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True, timeout=60.0
@@ -333,27 +334,25 @@ print(lowered)
     assert done.stdout.strip() == str(os.geteuid() == 0)
 
 
-@pytest.mark.skipif(not os.path.exists(priority.SESSION), reason="this kernel has no autogroups")
+@pytest.mark.skipif(
+    not os.path.exists(priority.SESSION.format(os.getpid())), reason="this kernel has no autogroups"
+)
 @pytest.mark.parametrize("user", (os.geteuid(), NOBODY) if os.geteuid() == 0 else (os.geteuid(),))
 def test_who_is_alone_in_a_session_lowers_that_whoever_its_user_is(user: int) -> None:
     """A kernel that was asked a moment ago is asked again, by whoever is not root."""
     program = """
 def await_session(nice):
     end = time.monotonic() + 30.0
-    while not open(SESSION).read().endswith(f" nice {nice}\\n"):
-        assert time.monotonic() < end, open(SESSION).read()
+    while not open(SESSION.format("self")).read().endswith(f" nice {nice}\\n"):
+        assert time.monotonic() < end
         time.sleep(0.01)
-await_session(0)
-assert lower()
-await_session(LOWERED)
-tried, end = threading.Event(), threading.Event()  # who tried whether it may has yet to end
-threading.Thread(target=lambda: (_change(1), tried.set(), end.wait()), daemon=True).start()
-tried.wait()
-restore_all()
-end.set()
-await_session(0)
-lower_all()
-await_session(LOWERED)
+await_session(USUAL)
+set_all(STANDS_BY)
+await_session(STANDS_BY)
+set_all(HURRIES)
+await_session(HURRIES if _may_hurry() else USUAL)
+set_all(STANDS_BY)
+await_session(STANDS_BY)
 print("done")
 """
     program = Path(priority.__file__).read_text() + program  # that user may not read our files

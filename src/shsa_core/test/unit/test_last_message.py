@@ -117,6 +117,15 @@ def test_where_nobody_was_ever_seen_it_has_what_a_substitute_has_computed() -> N
     assert told(kept, gone="/standing") == [("", b"/standing")]
 
 
+def test_the_row_of_a_healthy_original_has_a_message_that_a_substitutes_are_made_of() -> None:
+    kept = LastMessages()
+    kept.keep(91.0, "/a", A, b"good")
+    substituted(kept, "/standing")
+    healthy = replace(FAILED, state=PublisherState.HEALTHY)
+    standing = replace(healthy, publisher="/standing", last_good=99.0)
+    assert told(kept, healthy, standing) == [(A, b"good"), ("/standing", b"")]
+
+
 # On the way.
 
 
@@ -143,6 +152,18 @@ def test_the_row_of_the_substitute_has_the_message_before_it_publishes(mode: str
     shown = only(fail(robot, A, 10.0, b"good"), healing.ShowSubstitutions)
     (row_,) = [each for each in shown.rows if each.publishing]
     assert (row_.last_message, row_.others) == (b"good", Others.LAST)
+
+
+@pytest.mark.parametrize("mode", ["cold", "warm", "hot"])
+def test_a_row_without_a_last_message_has_one_of_when_the_original_was_well(mode: str) -> None:
+    """As where the monitor has died before the node."""
+    first = service("a", A, needed=True, standby=Standby(mode))
+    robot = Robot(Som([first, service("b", B), service("c", C)]))
+    well = replace(robot.rows["/a", A], last_message=b"well")
+    robot.handle(healing.HealthSeen(2.0, (well,)))
+    assert [each.template for each in robot.working()] == [b"well"] * (mode == "hot")
+    fail(robot, A, 10.0, b"")
+    assert [(each.last_message, each.template) for each in robot.working()] == [(b"", b"well")]
 
 
 def test_who_takes_a_substitutes_place_goes_on_from_its_last_message() -> None:
@@ -450,3 +471,15 @@ def test_what_stands_on_nothing_measured_is_stamped_now() -> None:
     assert stamps_.of("/a", 0, 1.0) == 0, "the shell's now"
     stamps_.clock(1.0, at(1.0))
     assert stamps_.of("/a", 0, 1.5) == at(1.5)
+
+
+def test_its_messages_are_made_of_the_last_one_or_else_of_one_of_when_all_was_well() -> None:
+    driver = Driver(replace(of_service(False, code=SUM), template=b"well"))
+    made = lambda: [
+        each.last_message for _, each in driver.said if isinstance(each, events.Compose)
+    ]
+    assert made() == [b"well"]
+    change(driver, replace(of_service(True, b"m"), template=b"well"), known(9.7))
+    assert made() == [b"well", b"m"]
+    change(driver, replace(of_service(True), template=b"well"), None)
+    assert made() == [b"well", b"m", b"well"]

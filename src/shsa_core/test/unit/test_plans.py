@@ -8,6 +8,7 @@ from shsa_testing.models import law, ontology, service, som_of, source
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute
 from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.program import compile_program
+from shsa_core.model.kinds import Others
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import LastResort, Provision, Service, Source
 from shsa_core.search.derivation import SourceTable
@@ -103,6 +104,48 @@ def test_what_is_not_available_is_not_used_and_is_missing() -> None:
         plan_odometry(available=available)
     assert none.value.missing == ("right",)
     assert str(none.value).endswith("speed, turn: speed cannot be derived, missing right")
+
+
+def can_say_unknown(service: Service, *marks: str) -> Service:
+    """Return the service with a mark at each of its values."""
+    pairs = zip(service.provides, marks)
+    provides = tuple(dataclasses.replace(each, unknown_with=mark) for each, mark in pairs)
+    return dataclasses.replace(service, provides=provides)
+
+
+def test_a_value_that_nothing_derives_is_left_unknown_where_its_message_says_so() -> None:
+    wheels = [s for s in SOM.sources if s != RIGHT]
+    imu = can_say_unknown(ODOM, "velocity", "turn")
+    plan = plan_odometry(available=wheels, service=imu)
+    assert (plan.program.outputs, plan.relations) == (("/odom/turn",), ("gyro",))
+    assert (plan.left_out, plan.missing) == (("speed",), ("right",))
+    assert plan.lacks == "speed is left unknown, missing right"
+    whole = plan_odometry(service=imu)
+    assert (whole.left_out, whole.missing, whole.lacks) == ((), (), "")
+    assert plan_odometry(available=wheels, service=imu, tried=[whole]) == plan
+
+
+@pytest.mark.parametrize("marks", [("", ""), ("", "turn"), ("all", "all")])
+def test_a_message_that_cannot_say_unknown_is_published_with_all_values(
+    marks: Sequence[str],
+) -> None:
+    available = [s for s in SOM.sources if s != RIGHT]
+    with pytest.raises(NoSubstitute, match="speed cannot be derived, missing right"):
+        plan_odometry(available=available, service=can_say_unknown(ODOM, *marks))
+
+
+def test_what_the_som_has_held_is_never_said_to_be_unknown() -> None:
+    held = dataclasses.replace(can_say_unknown(ODOM, "speed", "turn"), others=Others.LAST)
+    with pytest.raises(NoSubstitute):
+        plan_odometry(available=[s for s in SOM.sources if s != RIGHT], service=held)
+
+
+def test_all_values_come_before_a_part_that_shares_no_cause() -> None:
+    board = dataclasses.replace(can_say_unknown(ODOM, "speed", "turn"), fails_with=("board",))
+    wheels = dataclasses.replace(RIGHT.service, fails_with=("board",))
+    available = [LEFT, GYRATION, *wheels.sources]
+    plan = plan_odometry(available=available, service=board)
+    assert plan.outputs == board.sources and not plan.left_out
 
 
 def test_a_service_of_the_same_property_is_passed_on() -> None:

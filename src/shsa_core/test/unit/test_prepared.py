@@ -61,7 +61,7 @@ class Bench:
     def close(self) -> None:
         """End all processes."""
         for node in self.ours.children.running():
-            self.ours.children.stop(node, answers=False)
+            self.ours.children.stop(node)
         with patch.object(rospy, "is_shutdown", lambda: True):
             while self.forking._thread.is_alive():  # one may just come up
                 if self.forking._process is not None:
@@ -152,7 +152,7 @@ def test_twenty_at_once(bench: Bench) -> None:
     started = [bench.start(number) for number in range(1, 21)]
     assert all(bench.is_forked(number) for number in range(1, 21))
     assert len({process.pid for process in started}) == 20
-    bench.ours.children.stop(f"{NAMESPACE}/substitute_a_3", answers=False)
+    bench.ours.children.stop(f"{NAMESPACE}/substitute_a_3")
     wait_until(lambda: not started[2].is_running(), 5.0, "one has ended")
     assert all(each.is_running() for each in started if each != started[2])
 

@@ -21,7 +21,7 @@ def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
     node.die()
     begun = time.monotonic()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Disconnected"]
+    assert monitor.kinds() == ["Gone"]
     assert time.monotonic() - begun < 0.1 and node.asked == 0
 
 
@@ -105,8 +105,8 @@ def test_a_node_that_offers_the_topic_no_more_is_gone(monitor: Monitor, node: No
     monitor.connect(node)
     node.offers = False
     node.close_connections()
-    monitor.until(lambda: "Disconnected" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Disconnected"]
+    monitor.until(lambda: "Gone" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Gone"]
 
 
 def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: Node) -> None:
@@ -114,8 +114,8 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.answers = False
     begun = time.monotonic()
     node.close_connections()
-    monitor.until(lambda: "Disconnected" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Disconnected"]
+    monitor.until(lambda: "Gone" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Gone"]
     assert settings.CALL_S <= time.monotonic() - begun < settings.CALL_S + 0.3
 
 
@@ -131,7 +131,7 @@ def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
     monitor.until(lambda: len(standing) == 1)
     assert monitor.kinds() == ["Connected"]
     successor.die()
-    monitor.until(lambda: monitor.kinds() == ["Connected", "Disconnected"])
+    monitor.until(lambda: monitor.kinds() == ["Connected", "Gone"])
 
 
 def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node: Node) -> None:
@@ -228,14 +228,15 @@ def test_nothing_is_kept_of_a_node_that_comes_and_goes(monitor: Monitor) -> None
         return len(os.listdir("/proc/self/fd")), sum(map(len, held))
 
     counts = []
-    for _ in range(1000 if LONG else 20):
+    for _ in range(1000 if LONG else 50):
         node = Node(monitor.topic)
         monitor.connect(node)
         node.send(framed(b"data"))
         monitor.until(lambda: bool(monitor.data))
         node.die()
-        monitor.until(lambda: monitor.kinds() == ["Disconnected"])
+        monitor.until(lambda: monitor.kinds() == ["Gone"])
         monitor.seen.clear()
         monitor.data.clear()
         counts.append(kept())
-    assert max(counts[-5:]) <= max(counts[:5])
+    for before, after in zip(counts[4], counts[-1]):  # what ends just now may count or not
+        assert after <= before + 5

@@ -226,14 +226,6 @@ def test_a_plan_ahead_whose_input_dies_with_the_same_failure_is_not_used() -> No
     assert start.program is not None and start.program.inputs == ("/c/data",)
 
 
-def test_a_process_that_gives_no_sign_of_life_is_not_set_to_work() -> None:
-    robot = Robot(standby("warm"), pool=2)
-    robot.handle(events.Tick(5.0))
-    first, second = (row.node for row in robot.idle_rows())
-    robot.handle(events.ProcessPulse(29.0, first, events.Pulse.SILENT))
-    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
-
-
 def test_a_process_that_was_heard_is_set_to_work_rather_than_one_that_was_not() -> None:
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
@@ -258,7 +250,6 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
 def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     robot = Robot(standby("warm"), pool=1)
     (row,) = robot.idle_rows()
-    robot.handle(events.ProcessPulse(29.0, row.node, events.Pulse.SILENT))
     commands = robot.handle(events.ProcessPulse(30.0, row.node, events.Pulse.HUNG))
     assert only(commands, events.StopSubstitute).node == row.node
     assert [each.node for each in robot.idle_rows()] == [
@@ -266,29 +257,20 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     ]
 
 
-def test_a_process_that_was_slow_is_ready_again() -> None:
-    robot = Robot(standby("warm"), pool=1)
-    (row,) = robot.idle_rows()
-    robot.handle(events.ProcessPulse(29.0, row.node, events.Pulse.SILENT))
-    robot.handle(events.ProcessPulse(29.1, row.node, events.Pulse.HEARD))
-    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == row.node
-
-
 def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
     first, second = (row.node for row in robot.idle_rows())
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == first
-    commands = robot.handle(events.ProcessPulse(30.2, first, events.Pulse.SILENT))
+    commands = robot.handle(events.ProcessPulse(30.2, first, events.Pulse.HUNG))
     assert only(commands, events.StopSubstitute).node == first
     assert only(commands, events.AssignSubstitute).node == second
     assert publishing(robot) == (True,)
 
 
-def test_one_that_publishes_is_not_ended_for_a_moment_without_a_sign_of_life() -> None:
+def test_one_that_publishes_and_hangs_is_ended() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    assert robot.handle(events.ProcessPulse(20.0, node, events.Pulse.SILENT)) == []
     assert (
         only(
             robot.handle(events.ProcessPulse(21.0, node, events.Pulse.HUNG)), events.StopSubstitute

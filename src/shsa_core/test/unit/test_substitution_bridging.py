@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from substitute_driver import PERIOD, Driver, idle, only, row, signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
-from shsa_core.substitution.settings import LOOK_AGAIN_S, STEADY, YIELD_S
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, STEADY, YIELD_S
 from shsa_testing.thorough import many
 
 BRIDGE = 2.5 * PERIOD
@@ -30,6 +30,7 @@ class Robot:
         self.driver.ready()
         self.driver.change(told)
         self.look, self.stands, self.source = look, True, "/sensor"
+        self.alone = False  # nobody hears its heartbeats
         self.looks: List[Tuple[float, events.LookAtOthers]] = []
         self.original: List[float] = []
         self._input = 0.0
@@ -55,7 +56,8 @@ class Robot:
                 break
             self.driver.time = max(self.driver.time, soonest)
             if soonest == looked:
-                self._note(self.driver.tell(events.OthersStand, self.looks.pop(0)[1], self.stands))
+                answer = self.looks.pop(0)[1], self.stands, self.alone
+                self._note(self.driver.tell(events.OthersStand, *answer))
             elif soonest == self._input:
                 self._input = round(self._input + PERIOD, 9)
                 if self.source:
@@ -333,3 +335,15 @@ def test_whatever_the_original_does_each_is_heard_once_a_period_at_the_edges(
             assert abs(then - at - PERIOD) < 0.5 * PERIOD + 1e-6, "not at its period"
         if at > SETTLED:
             assert then - at <= BRIDGE + look + 2e-3, "a gap that was not filled in"
+
+
+def test_without_a_reconfigurator_it_goes_on_until_one_is_there_for_long() -> None:
+    robot = Robot().stream(1.0)
+    robot.stands, robot.alone = False, True
+    robot.gone(1.005).to(3.0)
+    robot.alone = False
+    robot.to(3.0 + ALONE_LOOKS * LOOK_AGAIN_S / 2.0)
+    steps = [b - a for a, b in zip(robot.filled, robot.filled[1:])]
+    assert max(steps) < 1.1 * PERIOD and robot.filled[-1] > robot.driver.time - 2 * PERIOD
+    robot.to(3.0 + 2.0 * ALONE_LOOKS * LOOK_AGAIN_S)
+    assert robot.filled[-1] < 3.5 + ALONE_LOOKS * LOOK_AGAIN_S

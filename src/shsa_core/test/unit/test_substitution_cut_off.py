@@ -2,6 +2,7 @@
 from dataclasses import replace
 from typing import Any, List, Tuple
 
+import pytest
 from substitute_driver import DEADLINE, OUT, PERIOD, Driver, only, row, running, signal
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
@@ -155,9 +156,16 @@ def test_where_the_som_says_wait_a_cut_changes_nothing() -> None:
     assert side(driver, 1.0, other=True)
 
 
-def test_one_whose_original_was_only_silent_yields_to_it_and_goes_on_when_it_is_silent() -> None:
+@pytest.mark.parametrize("here", [False, True])
+def test_one_whose_original_was_only_silent_yields_to_it_and_goes_on_when_it_is_silent(
+    here: bool,
+) -> None:
     driver = hot(publishing=True)
-    driver.change(replace(heals(publishing=True), yields=True))
+    told = row(True) if here else heals(publishing=True)
+    driver.change(replace(told, yields=True))
     assert side(driver, 1.0)
     assert side(driver, 2.0, other=True) == []
     assert side(driver, 3.0)[0][0] >= 2.0 + DEADLINE - 2 * PERIOD
+    side(driver, 4.0, other=True)
+    driver.change(told)  # the reconfigurator says that it is alone
+    assert side(driver, 5.0)

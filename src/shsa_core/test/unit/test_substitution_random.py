@@ -213,8 +213,8 @@ class AnySubstitute(RuleBasedStateMachine):
     def speak(self, topic: str) -> None:
         """Somebody else publishes."""
         told = self.told
-        listens = told.on_partition is OnPartition.HEAL and topic == self.core._speech.others.topic
-        if listens and (self.cut or told.yields) and topic in told.topics:
+        rival = told.yields or (self.cut and told.on_partition is OnPartition.HEAL)
+        if rival and topic == self.core._speech.others.topic and topic in told.topics:
             self.heard_at = self.now
         self.spoke, self.went, self.last = self.now, False, None
         self.hear(events.OtherHeard(self.now, topic, "/node"))

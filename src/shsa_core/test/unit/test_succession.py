@@ -139,6 +139,15 @@ def test_who_was_well_counts_until_the_monitor_tells() -> None:
     assert not any(row.available for row in only(commands, events.ShowSom).rows)
 
 
+def test_a_message_of_who_was_well_is_still_known() -> None:
+    robot = Robot()
+    well = replace(robot.rows["/a", A], last_message=b"well")
+    robot.handle(events.HealthSeen(2.0, (well,)))
+    succeed(robot, 20.0)
+    robot.fail("/a", A, 30.0)
+    assert [row.template for row in robot.working()] == [b"well"]
+
+
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
     robot = Robot(som)

@@ -1,22 +1,38 @@
 """Finds more for `shsa check`, where this package is installed.
 
-Functions that may have no value; and nodes of a robot that runs that healing will keep.
+Functions that may have no value; and services that are derived from each other.
 """
-import importlib
 from typing import Iterable, Iterator, Mapping, Set
 
 from shsa_core.analysis.finding import Finding
-from shsa_core.healing.duties import duties_of
-from shsa_core.healing.naming import Names
 from shsa_learning.ranges.interval import Interval
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.som import Som
-from shsa_learning.doctor import fate_of
 from shsa_learning.ranges.analysis import find_troubles, narrowed
 
 
 def check(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    """Report functions that may have no value, and loops through consumers."""
+    yield from _check_loops(som)
+    yield from _check_functions(ontology, som)
+
+
+def _check_loops(som: Som) -> Iterator[Finding]:
+    """Report services that are derived from what is derived from them."""
+    for service in som:
+        for name in (each for each in service.upstream if each in som.services):
+            if service.name in som.services[name].upstream:
+                yield Finding(
+                    "error",
+                    service.where,
+                    f"{service.name} is derived from {name}, which is derived from {service.name}: "
+                    "such a loop holds whatever it starts from",
+                    "Say in 'derived_from' what each node reads, and let one of them read less",
+                )
+
+
+def _check_functions(ontology: Ontology, som: Som) -> Iterator[Finding]:
     """Report the parts of functions that may have no value within the ranges of the services."""
     ranges = _declared_ranges(ontology, som.sources)
     for function in ontology.functions:
@@ -35,30 +51,6 @@ def check(ontology: Ontology, som: Som) -> Iterator[Finding]:
                 f"{function.relation} for {function.output}: {trouble.part} {trouble.reason}; "
                 "there is no output then",
                 "If that is too often, add a constraint, or narrow the ranges in the SOM",
-            )
-
-
-def check_running(som: Som, namespace: str) -> Iterator[Finding]:
-    """Report the nodes that are kept if they fail, as they do more than the SOM says.
-
-    Nothing is reported where no robot runs.
-    """
-    api, registrations = (
-        importlib.import_module(f"shsa_core.ros.master.{name}")
-        for name in ("node_api", "registrations")
-    )
-    try:
-        listed = api.master_api("/shsa_check").getSystemState()
-    except api.FAILURES:
-        return
-    duties = duties_of(som, Names(namespace), *map(registrations.read_pairs, listed))
-    for service in som:
-        if service.node in duties and service.contain is None:
-            yield Finding(
-                "warning",
-                service.where,
-                f"if {service.node} fails it {fate_of(service, duties[service.node])}",
-                "Say `contain: none`, or `contain: node` if it is to be killed all the same",
             )
 
 

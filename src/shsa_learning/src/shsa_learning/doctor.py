@@ -129,11 +129,11 @@ def _ranges(seen: Seen) -> Iterator[Finding]:
 
 
 def _unheard(seen: Seen) -> Iterator[Finding]:
-    names = Names(seen.namespace)
-    for service in seen.som.needed():
-        if not names.consumers(seen.subscribers.get(service.heard, ())):
-            what = f"{service.name} is needed, and nobody subscribes to {service.heard}"
-            yield Finding(what, "start its consumers, or say `needed: false`")
+    consumers, needed = Names(seen.namespace).consumers, seen.som.needed()
+    unheard = [s.heard for s in needed if not consumers(seen.subscribers.get(s.heard, ()))]
+    if unheard:
+        what = f"needed, and nobody subscribes to {listed(sorted({*unheard}))}"
+        yield Finding(what, "start their consumers, or say `needed: false`")
 
 
 def _silent(seen: Seen) -> Iterator[Finding]:

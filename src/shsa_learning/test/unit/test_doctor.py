@@ -8,9 +8,10 @@ import pytest
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Contain, Kind, Policy
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_learning.checks import check_running
+from shsa_learning.checks import check
 from shsa_learning.doctor import Seen, fates, findings
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
@@ -40,6 +41,20 @@ LEFT = Incident(
     10.0,
     State.ENDED,
 )
+
+
+def test_a_loop_through_a_consumer_is_an_error() -> None:
+    estimator = Service("battery", "/battery", "std_msgs/Float64", "/soc", 0.1, VALUES)
+    middle = replace(estimator, name="middle", topic="/m", derived_from=("battery",))
+    empty = Ontology({}, {}, [])
+    told = replace(estimator, derived_from=("odometry",))
+    assert list(check(empty, Som([ODOMETRY, told, middle]))) == []
+    loop = Som([replace(ODOMETRY, derived_from=("middle",)), told, middle])
+    assert len(loop) == 3 and {f.level for f in check(empty, loop)} == {"error"}
+    (found, *_) = check(empty, loop)
+    assert found.what.startswith("odometry is derived from middle, which is derived from odometry")
+
+
 LOST = {**PUBLISHERS, "/odom": ["/stranger"]}
 
 
@@ -70,6 +85,13 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
 def test_each_fault_is_found_once_with_its_remedy(changes: Dict[str, Any], what: str) -> None:
     (finding,) = findings(WELL._replace(**changes))
     assert what in finding.what and finding.remedy
+
+
+def test_topics_that_nobody_subscribes_to_are_one_finding() -> None:
+    som = Som([replace(ODOMETRY, name=name, topic=f"/{name}") for name in "cab"])
+    publishers = {f"/{name}": ["/base"] for name in "abc"}
+    found = findings(WELL._replace(som=som, publishers=publishers, subscribers={"/b": ["/x"]}))
+    assert [each.what for each in found] == ["needed, and nobody subscribes to /a, /c"]
 
 
 DUTIES = {"/base": ("takes /cmd_vel", "broadcasts tf")}
@@ -113,21 +135,21 @@ def test_what_becomes_of_a_node_is_told_beforehand(
 def test_check_tells_beside_a_robot_that_runs_whom_healing_keeps(
     contain: Optional[Contain], kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node_api = pytest.importorskip("shsa_core.ros.master.node_api")
+    checks = pytest.importorskip("shsa_learning.ros.checks")
     listed: Any = [[["/odom", ["/base"]]], [["/drive_by", ["/base"]]], []]
     master = SimpleNamespace(getSystemState=lambda: listed)
-    monkeypatch.setattr(node_api, "master_api", lambda _: master)
+    monkeypatch.setattr(checks, "master_api", lambda _: master)
     som = Som([replace(ODOMETRY, contain=contain)])
-    found = [each.what for each in check_running(som, "/")]
+    found = [each.what for each in checks.check_running(som, "/")]
     said = "if /base fails it is kept: it takes /drive_by, which nothing takes over"
     assert found == ([said] if kept else [])
 
 
 def test_check_finds_nothing_where_no_robot_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    node_api = pytest.importorskip("shsa_core.ros.master.node_api")
+    checks = pytest.importorskip("shsa_learning.ros.checks")
     refuse = Mock(side_effect=ConnectionRefusedError)
-    monkeypatch.setattr(node_api, "master_api", lambda _: SimpleNamespace(getSystemState=refuse))
-    assert list(check_running(Som([ODOMETRY]), "/")) == [] and refuse.called
+    monkeypatch.setattr(checks, "master_api", lambda _: SimpleNamespace(getSystemState=refuse))
+    assert list(checks.check_running(Som([ODOMETRY]), "/")) == [] and refuse.called
 
 
 def test_a_node_is_told_of_once() -> None:

@@ -21,6 +21,8 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Contain
 from shsa_core.model.som import Som
+from shsa_learning.init.prospects import obstacles
+from shsa_testing.models import law, ontology, som_of, source
 
 END_S = 10.0
 Make = Callable[[float], Any]
@@ -131,6 +133,7 @@ def test_a_recording_of_a_wheeled_robot(init: Init, turtle: str) -> None:
     assert fields["battery_cell_voltage_0"] == "cell_voltage[0]"
     assert "a joint" in Path(init.som).read_text()
     assert "9 services" in init.said and "shsa check" in init.said
+    assert "\nNothing can be healed by this yet. In the way:\n  battery: no relation " in init.said
 
 
 def test_a_second_recording_widens_what_the_first_drafted(
@@ -181,6 +184,18 @@ def test_without_a_file_the_som_is_printed(init: Init, turtle: str, tmp_path: Pa
     assert init("--bag", turtle) == 0
     (tmp_path / "printed.yaml").write_text(init.said)
     assert len(read_som(str(tmp_path / "printed.yaml"))) == 9
+    assert "# Nothing can be healed by this yet. In the way:\n#   battery: " in init.said
+
+
+def test_what_is_in_the_way_is_told_where_nothing_can_be_healed() -> None:
+    parts = [source(name, "/odom", "/base") for name in ("speed", "turn")] + [source("wheel")]
+    laws = ontology(law("rolling", "speed", "wheel"), law("turning", "turn", "gyro"))
+    assert obstacles(laws, som_of(parts)) == [
+        "Nothing can be healed by this yet. In the way:",
+        "  odom_of_base: no relation yields turn",
+        "  wheel_of_node_of_wheel: no relation yields wheel",
+    ]
+    assert obstacles(laws, som_of([*parts, source("gyro")])) == []
 
 
 def test_files_that_are_there_are_kept_unless_forced(init: Init, turtle: str) -> None:

@@ -24,9 +24,9 @@ def linear(world: World) -> np.ndarray:
     return 3.0 + 2.0 * world["u"] - 1.2 * world["v"]
 
 
-def ask(capsys: Any, *words: str) -> Dict[str, Any]:
-    """Run `shsa learn y --json`; return its document and its exit status."""
-    status = main(["learn", "y", "--json", *words])
+def ask(capsys: Any, *words: str, target: str = "y") -> Dict[str, Any]:
+    """Run `shsa learn --json`; return its document and its exit status."""
+    status = main(["learn", target, "--json", *words])
     answer: Dict[str, Any] = json.loads(capsys.readouterr().out)
     answer["status"] = status
     return answer
@@ -90,7 +90,7 @@ def test_the_stated_error_is_that_of_another_drive(tmp_path: Path, capsys: Any) 
     files = recorded(tmp_path / "one", linear, seed=1)
     stated = ask(capsys, "--data", *files, "--model", "linear")
     data = gather(read(files), "y")
-    relation = relation_of(learn(data, "linear"), data.table)
+    relation = relation_of(learn(data, "linear"))
     unseen = gather(read(recorded(tmp_path / "two", linear, seed=2)), "y").table
     off = evaluate(relation, {}, unseen.time, unseen.inputs) - unseen.target
     off = off[np.isfinite(off)]
@@ -109,7 +109,9 @@ LAWS: Dict[str, Callable[[World], np.ndarray]] = {
 def test_the_form_is_found_as_well(tmp_path: Path, capsys: Any, form: str) -> None:
     answer = ask(capsys, "--data", *recorded(tmp_path, LAWS[form], seconds=80.0))
     assert answer["accepted"], answer["reason"]
-    assert answer["model"] == form
+    assert answer["model"] == "terms"
+    for term in {"linear": ("*u", "*v"), "products": ("*v*u", "*abs(u)")}[form]:
+        assert term in answer["function"]
     assert answer["nrmse"] < 0.05
 
 
@@ -119,7 +121,7 @@ def test_what_is_generated_is_what_was_fitted(tmp_path: Path, choice: str) -> No
     data = gather(read(recorded(tmp_path, law, seconds=80.0)), "y")
     learned = learn(data, choice)
     assert learned.accepted, learned.reasons
-    relation = relation_of(learned, data.table)
+    relation = relation_of(learned)
     assert learned.model is not None
     fitted = learned.model.predict(data.table)
     generated = evaluate(relation, {}, data.table.time, data.table.inputs)
@@ -202,10 +204,28 @@ def test_a_law_with_known_numbers_competes(tmp_path: Path, capsys: Any) -> None:
 def test_the_page_shows_what_was_measured(tmp_path: Path, capsys: Any) -> None:
     page = tmp_path / "page.html"
     files = recorded(tmp_path, linear)
-    ask(capsys, "--data", *files, "--model", "linear", "--report", str(page))
+    still = world_at_rest(tmp_path)
+    ask(capsys, "--data", *files, *still, "--model", "terms", "--report", str(page))
     text = page.read_text()
-    assert text.count("data:image/png;base64,") == 4
-    assert "linear" in text and "http" not in text
+    assert text.count("data:image/png;base64,") == 4 and "http" not in text
+    for title in ("Measured, and predicted", "Residuals by block", "What each term gains"):
+        assert title in text
+    assert re.search(r"<code>u</code></td><td>[12]\.\d{2,4} ± 0\.\d{2,4}<", text)
+    assert "<td>s</td><td>it is constant (4)</td>" in text and "Where it holds" in text
+    assert not re.search(r"\d\.\d{8}", text)
+
+
+def world_at_rest(folder: Path) -> List[str]:
+    world = World(0)
+    return save(folder, s=world.sensor(np.full(len(world.time), 4.0), noise=0.0))
+
+
+def test_support_vectors_are_shown_with_few_digits(tmp_path: Path, capsys: Any) -> None:
+    page = tmp_path / "page.html"
+    files = recorded(tmp_path, linear, seconds=70.0)
+    ask(capsys, "--data", *files, "--model", "svr", "--report", str(page))
+    text = page.read_text()
+    assert "<details>" in text and not re.search(r"\d\.\d{8}", text)
 
 
 # What is refused.
@@ -224,8 +244,12 @@ def test_too_little_data(tmp_path: Path, capsys: Any) -> None:
 def test_a_constant_input(tmp_path: Path, capsys: Any) -> None:
     world = World(0)
     still = world.sensor(np.full(len(world.time), 4.0), noise=0.0)
-    files = save(tmp_path, y=world.sensor(linear(world)), u=world.sensor(world["u"]), s=still)
-    assert "s is constant (4)" in refused(capsys, files)
+    y, u = world.sensor(linear(world)), world.sensor(world["u"])
+    answer = ask(capsys, "--data", *save(tmp_path, y=y, u=u, s=still), "--model", "linear")
+    assert answer["inputs"] == ["u"] and answer["left_out"] == {"s": "it is constant (4)"}
+    (tmp_path / "u.csv").unlink()
+    alone = refused(capsys, save(tmp_path, y=y, s=still))
+    assert "nothing to learn y from (s: it is constant (4))" in alone
 
 
 def test_one_block_of_excitation(tmp_path: Path, capsys: Any) -> None:
@@ -234,7 +258,9 @@ def test_one_block_of_excitation(tmp_path: Path, capsys: Any) -> None:
     files = save(
         tmp_path, y=world.sensor(linear(world)), **{n: world.sensor(world[n]) for n in "uv"}
     )
-    assert re.search("u varies in [12] of 6 blocks", refused(capsys, files))
+    answer = ask(capsys, "--data", *files, "--model", "linear")
+    assert re.match("it varies in [12] of 6 blocks", answer["left_out"]["u"])
+    assert "worst block" in answer["reason"]
 
 
 @pytest.mark.parametrize(
@@ -261,7 +287,9 @@ def test_an_input_that_is_computed_from_the_target(
         u=world.sensor(world["u"]),
         leak=dict(zip(y, values.tolist())),
     )
-    assert "leak" in refused(capsys, files)
+    answer = ask(capsys, "--data", *files, "--model", "linear")
+    assert "leak" in answer["left_out"] or "leak" in answer["reason"]
+    assert "leak" in refused(capsys, files, "--from", "u,leak")
     answer = ask(capsys, "--data", *files, "--model", "linear", "--from", "u,v")
     assert answer["accepted"], answer["reason"]
 

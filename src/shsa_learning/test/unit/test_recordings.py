@@ -22,6 +22,7 @@ from shsa_core.ros.wire import names
 from shsa_learning.explain.bag import read_healing
 from shsa_learning.recordings import bags
 from shsa_learning.recordings.bags import read_bag
+from shsa_learning.recordings import csv_files, reservoir
 from shsa_learning.recordings.csv_files import read_csv
 from shsa_learning.recordings.data import read
 from shsa_learning.recordings.recording import Recording, Series
@@ -385,6 +386,66 @@ def test_csv_times_out_of_order_are_sorted(tmp_path: Path) -> None:
     (recording,) = read([path])
     assert list(only(recording).values) == [0.0, 1.0, 3.0]
     assert told(recording, "out of order") and told(recording, "the time of another")
+
+
+def test_of_a_large_file_stretches_of_all_kinds_are_kept(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr(reservoir, "MOST_ROWS", 2000)
+    monkeypatch.setattr(csv_files, "CHUNK_BYTES", 5000)
+    time = np.arange(20000) * 0.1
+    fast = (time > 900.0) & (time < 990.0)  # hardly ever
+    speed = np.where(fast, 5.0, np.sin(time / 50.0) * 0.1)
+    path = tmp_path / "drive.csv"
+    np.savetxt(str(path), np.column_stack([time, speed]), "%.6g", ",", header="time,v", comments="")
+    read_bytes: List[int] = []
+    (series,), notes = read_csv(str(path), True, read_bytes.append)
+    assert sum(read_bytes) == path.stat().st_size
+    assert len(series) <= 2000 and "of 20000 rows are kept" in notes[0]
+    assert np.mean(series.values > 4.0) > 2.0 * np.mean(fast)
+    steps = np.diff(series.time)
+    assert np.mean(np.abs(steps - 0.1) < 1e-6) > 0.98  # neighbours stay together
+    again, _ = read_csv(str(path))
+    np.testing.assert_array_equal(again[0].time, series.time)
+
+
+def test_of_large_files_of_one_drive_the_same_stretches_are_kept(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(reservoir, "MOST_ROWS", 2000)
+    time = np.arange(10000) * 0.1
+    kept = []
+    for name, values in (("v", np.sin(time)), ("w", np.where(time > 300.0, 7.0, 0.0))):
+        path = tmp_path / f"{name}.csv"
+        table = np.column_stack([time, values])
+        np.savetxt(str(path), table, "%.6g", ",", header=f"time,{name}", comments="")
+        (series,), _ = read_csv(str(path), False)
+        kept.append(series.time)
+    np.testing.assert_array_equal(kept[0], kept[1])
+
+
+@pytest.mark.parametrize("size", [30, 64, 10_000])
+def test_chunks_make_no_difference(tmp_path: Path, monkeypatch: Any, size: int) -> None:
+    monkeypatch.setattr(csv_files, "CHUNK_BYTES", size)
+    path = tmp_path / "v.csv"
+    path.write_bytes(b"\n time , v,w\r\n0,1,\r\n\n0.5,nan,-2e1\n1,,3\n1.5, 4,5\n2,6,7")
+    (v, w), _ = read_csv(str(path))
+    np.testing.assert_array_equal(v.time, [0.0, 0.5, 1.5, 2.0])
+    np.testing.assert_array_equal(v.values, [1.0, np.nan, 4.0, 6.0])
+    np.testing.assert_array_equal(w.values, [-20.0, 3.0, 5.0, 7.0])
+    for line, what in (("3,1", "2 cells, but"), ("3,x,1", "v must be"), ("0.2,1,1", "goes back")):
+        path.write_text("time,v,w\n" + "1,1,1\n2,2,2\n" * 1 + line + "\n4,4,4\n")
+        with pytest.raises(ShsaError, match=f"v.csv:4: .*{what}"):
+            read_csv(str(path))
+
+
+def test_a_folder_stands_for_the_recordings_in_it(tmp_path: Path) -> None:
+    write_csv(tmp_path / "v.csv", ["time", "v"], [[0, 1], [1, 2]])
+    write_csv(tmp_path / "w.csv", ["time", "w"], [[0, 1], [1, 2]])
+    (tmp_path / "notes.txt").write_text("no recording")
+    (recording,) = read([str(tmp_path)])
+    assert recording.properties == ("v", "w")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ShsaError, match="is a folder without any .bag or .csv file"):
+        read([str(tmp_path / "empty")])
 
 
 def test_csv_files_are_sources_of_one_recording(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from typing import Callable, List, Mapping, Optional, Sequence, Tuple
 from tabulate import tabulate
 
 from shsa_rover.figure import draw
-from shsa_rover.recording import Recording, Series, read_recording
+from shsa_rover.recording import Recording, Series, last_error, read_recording, unhealed
 
 TIMEOUT_S = 180.0  # the run itself takes about 45 s
 DRIVE_END_S = 35.0  # the drive's end
@@ -91,6 +91,9 @@ def _report(recording: Recording, results: Path) -> int:
     if recording.soc and recording.true_soc:
         worst = 100 * max_error(recording.soc, recording.true_soc)
         table.append(("state of charge", f"at most {worst:.2f} percentage points off the truth"))
+        failed = [str(incident["faulty_node"]) for incident in healed[:1]]
+        alone = 100 * last_error(unhealed(recording, "".join(failed)), recording.true_soc)
+        table.append(("without healing", f"{alone:+.2f} percentage points at the end"))
     table.append(("figure", str(results / "figure.png")))
     print(f"The demonstration\n{tabulate(table, disable_numparse=True)}")
     good = len(healed) == 1 and all(i["state"] == "ended" for i in recording.incidents)

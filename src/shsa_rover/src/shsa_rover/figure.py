@@ -1,4 +1,4 @@
-"""The demonstration's figure: the paper's Fig. 10, and the state of charge beneath."""
+"""The demonstration's figure: the current, the reconfiguration, and the paper's Fig. 10 beneath."""
 from pathlib import Path
 from typing import Dict, List, Tuple
 
@@ -9,9 +9,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 
-from shsa_rover.recording import Recording, Series  # noqa: E402
+from shsa_rover.recording import Recording, Series, last_error, unhealed  # noqa: E402
 
-SENSOR, SUBSTITUTE, TRUTH = "#1f5fa8", "#d1592a", "#9a9a9a"
+SENSOR, SUBSTITUTE, TRUTH, UNHEALED = "#1f5fa8", "#d1592a", "#9a9a9a", "#3d8f4a"
 STEPS = (
     ("last_good", "last good message"),
     ("detected", "failure detected"),
@@ -48,6 +48,12 @@ def outages(recording: Recording) -> List[Tuple[float, float]]:
         if isinstance(start, float) and isinstance(stop, float):
             spans.append((start, stop))
     return spans
+
+
+def substituted(recording: Recording) -> List[Tuple[float, float]]:
+    """Return the times at which a substitute published."""
+    nodes = [series for node, series in recording.current.items() if node.startswith("/substitute")]
+    return [(part[0][0], part[-1][0]) for series in nodes for part in unbroken(series)]
 
 
 def _draw_current(axes: Axes, recording: Recording) -> None:
@@ -90,14 +96,28 @@ def _draw_events(axes: Axes, recording: Recording) -> None:
 
 
 def _draw_soc(axes: Axes, recording: Recording) -> None:
-    axes.set_title("The estimator never notices (the outage is marked)", fontsize=10)
+    axes.set_title(
+        "What the estimator makes of it, and would have made of it (Fig. 10)", fontsize=10
+    )
     axes.set_ylabel("state of charge / %")
     axes.set_xlabel("time / s")
-    percent = [(t, 100 * v) for t, v in recording.true_soc]
-    _line(axes, percent, TRUTH, "simulated truth", 1.0)
-    _line(axes, [(t, 100 * v) for t, v in recording.soc], SENSOR, "soc_estimator", 1.4)
+    _line(axes, _percent(recording.true_soc), TRUTH, "simulated truth", 1.0)
+    curves = [("with healing", recording.soc, SENSOR, 1.4)]
+    failed = recording.incidents[0]["faulty_node"] if recording.incidents else ""
+    curves.append(("without healing", unhealed(recording, str(failed)), UNHEALED, 1.4))
+    for name, series, colour, width in curves:
+        error = 100.0 * last_error(series, recording.true_soc)
+        _line(axes, _percent(series), colour, f"{name}: {error:+.3f} points at the end", width)
+    for start, stop in substituted(recording):
+        axes.axvspan(
+            start, stop, color=SUBSTITUTE, alpha=0.08, lw=0, label="the substitute publishes"
+        )
     axes.grid(alpha=0.3)
-    axes.legend(loc="upper right", fontsize=9)
+    axes.legend(loc="lower left", fontsize=9)
+
+
+def _percent(series: Series) -> Series:
+    return [(time, 100.0 * value) for time, value in series]
 
 
 def _line(axes: Axes, series: Series, colour: str, label: str, width: float) -> None:

@@ -163,7 +163,8 @@ def _plot(recording: Recording, start: float, end: float) -> Plot:
     values = [value for time, value in heard if start <= time <= end]
     if not values:
         raise NoPicture(f"no message of {CURRENT} was recorded around the failure")
-    return Plot(max(0.0, start), min(last, end), math.floor(min(values)), math.ceil(max(values)))
+    low = math.floor(min(0.0, *values))  # a scale that begins elsewhere makes changes look larger
+    return Plot(max(0.0, start), min(last, end), low, math.ceil(max(values)))
 
 
 def _curves(recording: Recording, plot: Plot) -> List[Curve]:

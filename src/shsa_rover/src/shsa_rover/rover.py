@@ -9,6 +9,7 @@ from shsa_rover.battery import Battery
 from shsa_rover.chassis import GRAVITY, Chassis
 from shsa_rover.ground import Ground
 from shsa_rover.motors import greatest_force, motor_power
+from shsa_rover.paper_battery import PaperBattery
 from shsa_rover.sensors import Readings, quantised
 from shsa_rover.worlds import AS_FITTED, World
 
@@ -49,9 +50,7 @@ class Rover:
     ) -> None:
         soc = world.state_of_charge if soc is None else soc
         self.chassis = Chassis(world.chassis)
-        resting = Battery(soc, parameters=world.battery)
-        resting_current = world.motors.electronics / resting.open_circuit_voltage
-        self.battery = Battery(soc, resting_current, world.battery)
+        self.battery = _battery(world, soc, self.chassis)
         self.power = world.motors.electronics
         self._world = world
         self._ground = Ground(math.radians(world.slope), seed)
@@ -126,3 +125,12 @@ class Rover:
     def _specific_force(self) -> float:
         """Return what an accelerometer along the rover feels, m/s**2, the support included."""
         return self.chassis.forward.acceleration + GRAVITY * math.sin(self.chassis.slope)
+
+
+def _battery(world: World, soc: float, chassis: Chassis) -> Battery:
+    """Return the battery of a rover at rest, which has long supplied its electronics."""
+    if world.follows_f1:
+        return PaperBattery(soc, chassis)
+    resting = Battery(soc, parameters=world.battery)
+    resting_current = world.motors.electronics / resting.open_circuit_voltage
+    return Battery(soc, resting_current, world.battery)

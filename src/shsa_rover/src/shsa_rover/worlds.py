@@ -38,7 +38,8 @@ class World:
     """The rover's surroundings, load and build; without arguments, those of the fitted relations.
 
     `payload` in kg beyond what the rover always carries, spread over its body; `floor` is one of
-    FLOORS; `slope` in deg is the steepest of the hills; `state_of_charge` from 0 to 1 at the start.
+    FLOORS; `slope` in deg is the steepest of the hills; `state_of_charge` from 0 to 1 at the start;
+    `follows_f1`: the battery is that of the paper's relation, whatever `battery` says.
     Raises ShsaError for values beyond these.
     """
 
@@ -51,6 +52,7 @@ class World:
     battery: BatteryParameters = BatteryParameters()
     sensors: SensorParameters = SensorParameters()
     current_sensor: CurrentSensor = CurrentSensor()
+    follows_f1: bool = False
 
     def __post_init__(self) -> None:
         if self.floor not in FLOORS:
@@ -79,6 +81,7 @@ class World:
 
 
 AS_FITTED = World()
+PAPER = "paper"  # the name of the world in which the paper's f1 holds
 WORLDS: Mapping[str, World] = {
     "as_fitted": AS_FITTED,
     "payload": World(payload=10.0),
@@ -96,8 +99,10 @@ def named_world(name: str, seed: int = 0) -> World:
     """
     if name == DRAWN:
         return drawn_world(seed)
+    if name == PAPER:
+        return World(follows_f1=True)
     if name not in WORLDS:
-        raise ShsaError(f"world: there is no '{name}', only {', '.join((*WORLDS, DRAWN))}")
+        raise ShsaError(f"world: there is no '{name}', only {', '.join((*WORLDS, PAPER, DRAWN))}")
     return WORLDS[name]
 
 

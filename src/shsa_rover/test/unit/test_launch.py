@@ -52,6 +52,31 @@ def test_the_simulated_world_is_chosen_by_arguments() -> None:
     assert values == [5, "carpet", 2.5]
 
 
+def test_one_argument_makes_it_the_system_of_the_paper() -> None:
+    ours, paper = load(), load("paper:=true")
+    assert names(paper) == names(ours)
+    assert "/soc_estimator/state_of_charge" not in parameters(ours)
+    values = parameters(paper)
+    assert values["/soc_estimator/state_of_charge"] == 0.8
+    assert (values["/rover_simulator/world"], values["/reconfigurator/method"]) == ("paper", "orr")
+    (healer,) = [node for node in paper.nodes if node.name == "reconfigurator"]
+    assert "--rosrun" in healer.args and "/paper_som.yaml'" in healer.args
+    (healer,) = [node for node in ours.nodes if node.name == "reconfigurator"]
+    assert "--rosrun" not in healer.args and "/rover_som.yaml'" in healer.args
+
+
+def test_gates_stand_before_the_needed_services() -> None:
+    gates = {f"{name}_gate" for name in ("battery_current", "battery_voltage", "odom")}
+    gated = load("gates:=true")
+    assert names(gated) == names(load()) | gates | {"accel_gate", "imu_gate"}
+    remapped = {node.name: node.remap_args for node in gated.nodes if node.remap_args}
+    assert set(remapped) == DRIVERS
+    assert all(to == f"{of}/raw" for pairs in remapped.values() for of, to in pairs)
+    assert not any(node.remap_args for node in load().nodes)
+    (healer,) = [node for node in gated.nodes if node.name == "reconfigurator"]
+    assert "/rover_gated_som.yaml'" in healer.args
+
+
 def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
     config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
     assert names(config) == SIMULATED - {"rover_simulator"}

@@ -14,6 +14,7 @@ from shsa_core.codegen.prediction import predictor
 from shsa_core.codegen.program import compile_program
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.model.kinds import Contain, Standby
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.substitutes import Substitute, find_substitute
 from shsa_learning.learn.evaluation import evaluate_derivation
@@ -26,6 +27,7 @@ from shsa_rover.worlds import WORLDS, named_world
 
 FOLDER = Path(__file__).resolve().parents[2] / "ontology"
 ONTOLOGY_FILE, SOM_FILE = str(FOLDER / "rover.yaml"), str(FOLDER / "rover_som.yaml")
+PAPER_FILES = str(FOLDER / "paper.yaml"), str(FOLDER / "paper_som.yaml")
 ONTOLOGY, SOM = read_ontology(ONTOLOGY_FILE), read_som(SOM_FILE)
 INPUTS = (
     "linear_velocity",
@@ -50,7 +52,7 @@ def _drives() -> List[Dataset]:
 
 def test_the_files_are_valid() -> None:
     assert check_files(ONTOLOGY_FILE, SOM_FILE) == []
-    assert check_files(str(FOLDER / "paper.yaml"), None) == []
+    assert check_files(*PAPER_FILES) == []
 
 
 def test_on_three_computers_the_services_are_the_same() -> None:
@@ -62,6 +64,28 @@ def test_on_three_computers_the_services_are_the_same() -> None:
     # The estimator's voltage is on the mainboard, as the voltmeter is.
     (finding,) = check_files(ONTOLOGY_FILE, file)
     assert finding.level == "warning" and "does without mainboard" in finding.todo
+
+
+def test_behind_gates_the_services_are_the_same() -> None:
+    file = str(FOLDER / "rover_gated_som.yaml")
+    assert check_files(ONTOLOGY_FILE, file) == []
+    gated = read_som(file)
+    plain = [
+        replace(
+            service,
+            topic=service.beyond_gate,
+            beyond_gate="",
+            standby=Standby.WARM,
+            contain=Contain.NODE,
+        )
+        if service.gated
+        else service
+        for service in gated
+    ]
+    assert plain == list(SOM)
+    assert {service.name for service in gated if service.gated} == {
+        service.name for service in SOM.needed()
+    }
 
 
 def test_the_needed_topics_are_those_of_the_rover() -> None:
@@ -197,6 +221,23 @@ def test_the_file_of_the_paper_holds_the_whole_f1() -> None:
     v, a, w, e, u = x = (-0.5, 0.25, -1.5, 3.0, 12.1)
     result = 48.67 - 0.03 * abs(v) - 1.17 * abs(a) + 2.07 * abs(w) - 0.03 * abs(e) - 3.72 * u
     assert compile_program(program.code, 5, 1).step(x, 0.0) == pytest.approx((result,))
+
+
+def test_in_the_world_of_the_paper_f1_holds_and_its_witness_does_not_protest() -> None:
+    paper, som = read_ontology(PAPER_FILES[0]), read_som(PAPER_FILES[1])
+    for seed in range(3):
+        data = simulate(random_drive(seed), 90.0, seed, world=named_world("paper"))
+        healed = find_substitute(paper, som.sources, "battery_current", ["/amperemeter"])
+        assert healed.derivation.relations() == ("f1",)
+        columns = data.time, data.measured
+        current = evaluate_derivation(healed.derivation, paper.constants, *columns)
+        off = current - data.measured["/battery_current/data"]
+        assert np.std(off) < 0.15 < 0.05 * np.ptp(data.truth["battery_current"])
+        assert np.max(np.abs(off)) < 0.7  # the witness of paper_som.yaml allows 1 A
+        for source in som.sources:
+            low, high = source.provision.range or (0.0, 0.0)
+            column = data.measured[source.path]
+            assert low < column.min() and column.max() < high, source.path
 
 
 @lru_cache(maxsize=None)

@@ -65,6 +65,7 @@ def test_a_run_is_drawn_with_its_moments(tmp_path: Path) -> None:
     texts = [element.text for element in root.iter() if element.text]
     assert any("50 ms later" in text and "0.23 A (RMS)" in text for text in texts)
     assert any("back after 8 s" in text for text in texts)
+    assert "0" in texts
     assert "/<odd>&" in texts and "f1" in texts and "/battery_current" in texts
     # It runs from 2 s to the last message at 19.8 s, in 85 % of the loop.
     moments = r"@keyframes substituted \{ 0%[^%]* ([0-9.]+)%[^%]* ([0-9.]+)%,"
@@ -81,6 +82,7 @@ def test_the_readmes_picture_needs_nothing_else_and_rests_where_motion_is_not_wa
     assert "prefers-reduced-motion" in picture and "prefers-color-scheme: dark" in picture
     assert not re.search(r"<script|href|url\(|@import|@font-face", picture)
     assert len(picture) < 500000
+    assert '<text class="end" x="49.0" y="344.0">0</text>' in picture, "its scale begins at 0"
 
 
 def test_what_has_nothing_to_show_is_refused(

@@ -51,20 +51,21 @@ def _address(node: str) -> str:
 class FaultyPublisher:
     """Publishes shsa_msgs/Float64Stamped and obeys what a FaultHandle tells it.
 
-    Parameters: ~topic, ~period in s, ~value, ~mute, ~well (another topic, on which it publishes
-    the first value and never fails), ~ros_time (its period is of ROS time), ~takes (a topic that it
-    subscribes to), ~farewell (a file that it writes 3 s after it was told to leave).
+    Parameters: ~topic, ~period in s, ~value, ~frame, ~mute, ~well (another topic, on which it
+    publishes the first value and never fails), ~ros_time (its period is of ROS time), ~takes (a
+    topic that it subscribes to), ~farewell (a file that it writes 3 s after it was told to leave).
 
     Commands: `value X`, `period S`, `stamp S` (seconds added to the stamp), `ramp X` (added to the
     value at every message), `noise X` (of each message, a standard deviation), `nan N` (every Nth
     value, 0: none), `intermittent LEAST MOST` (silences of so many periods, at random, with five
-    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`.
+    messages between them), `mute`, `publish`, `burst N`, `unadvertise`, `advertise`, `leave`.
     """
 
     def __init__(self) -> None:
         self.topic = rospy.get_param("~topic", "/watched")
         self.period = rospy.get_param("~period", 0.02)
         self.value = rospy.get_param("~value", 1.0)
+        self.frame = rospy.get_param("~frame", "")
         self.mute = rospy.get_param("~mute", False)
         self.noise = rospy.get_param("~noise", 0.0)
         self.ros_time = rospy.get_param("~ros_time", False)
@@ -108,6 +109,8 @@ class FaultyPublisher:
                 self.publish()
         elif word == "intermittent":
             self.silences = Silences(*map(int, argument.split()))
+        elif word == "leave":
+            rospy.signal_shutdown("it was told to leave")
         elif word in ("mute", "publish"):
             self.mute = word == "mute"
         elif word in ("value", "period", "stamp", "ramp", "noise", "nan"):
@@ -123,7 +126,8 @@ class FaultyPublisher:
         value = self.value + random.gauss(0.0, self.noise)
         if self.nan and self.count % self.nan == 0:
             value = math.nan
-        self.publisher.publish(Float64Stamped(header=Header(stamp=stamp), data=value))
+        header = Header(stamp=stamp, frame_id=self.frame)
+        self.publisher.publish(Float64Stamped(header=header, data=value))
 
     def spin(self) -> None:
         """Publish until the node is asked to end."""

@@ -3,7 +3,8 @@ import importlib
 import importlib.util
 import pkgutil
 import re
-from typing import Any, Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from contextlib import suppress
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
@@ -25,6 +26,7 @@ from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.language.units import Unit, parse_unit
+from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Constant, Ontology, Property
@@ -54,13 +56,14 @@ def check_files(
     if som_path is not None:
         try:
             som, som_errors = load_som(som_path, namespace)
+            som = som if types is None else with_unknowns(som, types.layout)
             errors = errors + som_errors
         except ModelError as error:
             errors = errors + [error]
     findings = [_from_error(error) for error in errors] + check_model(ontology, som)
     if som is not None and types is not None:
         findings += check_types(som, types)
-        for checks in _elsewhere():
+        for checks in _elsewhere("ros.checks"):
             findings += checks.check_running(som, namespace)
     if som is not None and som_path is not None:
         findings += _check_who_writes(som, som_path)
@@ -80,7 +83,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
         findings += _check_gates(som)
         findings += check_budgets(som)
         findings += check_placements(ontology, som)
-        for checks in _elsewhere():
+        for checks in _elsewhere("checks"):
             findings += checks.check(ontology, som)
     return findings
 
@@ -93,11 +96,14 @@ def refuse_invalid(ontology: Ontology, som: Som) -> None:
         raise ModelErrors(errors)
 
 
-def _elsewhere() -> Iterator[Any]:
-    """Yield the module `checks` of each package `shsa_*` that has one."""
+def _elsewhere(module: str) -> Iterator[Any]:
+    """Yield a module of each package `shsa_*` that has one of this name."""
     for package in sorted({m.name for m in pkgutil.iter_modules() if m.name.startswith("shsa_")}):
-        if importlib.util.find_spec(f"{package}.checks") is not None:
-            yield importlib.import_module(f"{package}.checks")
+        found = None
+        with suppress(ModuleNotFoundError):  # it has not even the folder
+            found = importlib.util.find_spec(f"{package}.{module}")
+        if found is not None:
+            yield importlib.import_module(found.name)
 
 
 def _check_who_writes(som: Som, path: str) -> Iterator[Finding]:
@@ -207,16 +213,23 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
         try:
             plan = takeovers.of(service)
         except NoSubstitute as none:
-            if none.in_the_way:
-                todo += f", or leave {listed(none.in_the_way)} out of its 'provides'"
+            todo += _leave_out(none.in_the_way)
             if service.needed or none.in_the_way:
                 yield Finding("warning", service.where, f"{what} {none}", todo)
         except GenerationError as error:
             todo = "Write the relation as an expression, or add another one"
             yield Finding("warning", service.where, f"{what} no substitute for it: {error}", todo)
         else:
+            if plan.left_out:
+                what = f"{what} a substitute for part of it: {plan.lacks}"
+                yield Finding("warning", service.where, what, todo + _leave_out(plan.left_out))
             causes = service.shared if apart else service.fails_with
             yield from _check_plan(service, plan, causes)
+
+
+def _leave_out(names: Sequence[str]) -> str:
+    """Return a way out, where some values stand in the way of others."""
+    return f", or leave {listed(names)} out of its 'provides'" if names else ""
 
 
 def _check_gates(som: Som) -> Iterator[Finding]:

@@ -1,7 +1,7 @@
 """Plans what would take each service over if its node failed, as healing does, for all at once."""
 from typing import Collection, Dict, Iterable, List, Optional, Sequence
 
-from shsa_core.codegen.plans import Plan, check_writable, make_plan, plan_service
+from shsa_core.codegen.plans import Plan, check_writable, make_plan, part, plan_service
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
@@ -56,7 +56,7 @@ class Takeovers:
         ratings = self._without(service, numbers)
         lost = [number for number in numbers if ratings[number] == LOST]
         names = [network.names[number] for number in lost]
-        if lost and self._all_executable:
+        if lost and self._all_executable and not part(service, names):
             missing = {name for number in lost for name in self._best.missing(number, ratings)}
             raise NoSubstitute(service.properties, sorted(missing), lost=names)
         if not lost and self.predictor is None:  # else the best may be of another quality

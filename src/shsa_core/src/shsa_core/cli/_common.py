@@ -3,9 +3,11 @@ import argparse
 import sys
 from typing import Iterable, List, Tuple
 
+from shsa_core import message_types
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import nearest, shown
@@ -52,8 +54,9 @@ def add_without(parser: argparse.ArgumentParser) -> None:
 
 
 def read_models(args: argparse.Namespace) -> Tuple[Ontology, Som]:
-    """Read the files of the options. Raises ModelError."""
-    return read_ontology(args.ontology), read_som(args.som, args.namespace)
+    """Read the files of the options, the SOM with what messages can say. Raises ModelError."""
+    ontology, som = read_ontology(args.ontology), read_som(args.som, args.namespace)
+    return ontology, with_unknowns(som, message_types.layout) if message_types.available() else som
 
 
 def check_property(name: str, ontology: Ontology, som: Som) -> None:

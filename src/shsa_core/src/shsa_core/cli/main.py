@@ -20,7 +20,7 @@ from shsa_core.errors import NoSubstitute, ShsaError
 ELSEWHERE = {
     **dict.fromkeys(
         (
-            *("accept", "add", "backtest", "doctor", "explain", "import"),
+            *("accept", "add", "backtest", "doctor", "explain", "find", "import"),
             *("init", "learn", "plot", "replay", "report"),
         ),
         "shsa_learning",

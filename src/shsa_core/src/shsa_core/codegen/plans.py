@@ -1,5 +1,8 @@
-"""Plans the substitute of a failed service, which publishes all of its values again."""
-from dataclasses import dataclass, field
+"""Plans the substitute of a failed service, which publishes its values again.
+
+That is all of them, or else those that can be computed, if the message says "unknown" of the rest.
+"""
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import prod
 from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
@@ -7,9 +10,10 @@ from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
 from shsa_core.codegen.choice import Listing, listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
-from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError
+from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError, listed
 from shsa_core.model.error import Error
 from shsa_core.model.field import reduces
+from shsa_core.model.kinds import Others
 from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
@@ -30,9 +34,11 @@ class Plan:
 
     Plans are equal if they have the same program for the same service from the same inputs.
     `inputs` and `outputs` are the sources that the program reads and gives again, in its order.
-    `quality`, in (0, 1], is the product over all outputs; `derivations` follow them, and so do
+    `quality`, in (0, 1], is the product over all outputs, 0: they are a service's safe values, when
+    nothing can be computed; `derivations` follow them, and so do
     `errors`, the expected ones in the unit of each property, None: not known. `proven_best`: no
-    plan that was asked for is better.
+    plan that was asked for is better. `left_out`: the properties of the service that it leaves
+    unknown, as they are `missing` something.
     """
 
     service: str
@@ -44,15 +50,21 @@ class Plan:
     proven_best: bool = field(compare=False)
     derivations: Tuple[Derivation, ...] = field(compare=False, repr=False)
     errors: Tuple[Optional[Error], ...] = field(compare=False, repr=False)
+    left_out: Tuple[str, ...] = field(default=(), compare=False)
+    missing: Tuple[str, ...] = field(default=(), compare=False)
 
+    @property
+    def computes(self) -> bool:
+        """Tell that it computes its values; else they are fixed, for when nothing can be."""
+        return self.quality > 0.0
 
-@dataclass(frozen=True)
-class SafeValues:
-    """A program that gives fixed values for `outputs` when nothing can be computed."""
-
-    service: str
-    program: Program
-    outputs: Tuple[Source, ...] = field(compare=False, repr=False)
+    @property
+    def lacks(self) -> str:
+        """Return what it leaves unknown, and why, in words; empty: it gives all values."""
+        missing = listed(self.missing) or "any relation that yields it"
+        return (
+            f"{listed(self.left_out)} is left unknown, missing {missing}" if self.left_out else ""
+        )
 
 
 def plan_service(
@@ -67,21 +79,51 @@ def plan_service(
     """Return the best plan for a lost service, other than those `tried`, from the table's sources.
 
     It uses neither the service itself nor the services, topics, nodes and causes `excluded`, and
-    what shares a cause with the service only if nothing else will do. `method`: `best`, or
-    `depth_first`, the first found. With a `predictor` the best is that of the smallest error.
+    what shares a cause with the service only if nothing else will do. Where no plan gives all
+    values, it gives a `part`. `method`: `best`, or `depth_first`, the first found. With a
+    `predictor` the best is that of the smallest error.
     Raises NoSubstitute with what is missing, GenerationError if only relations that cannot be
     executed would do, or if its messages cannot be written.
     """
     check_writable(service)
     available = table.excluding([service.name, *excluded])
-    question = ontology, service.name, service.sources
-    for causes in service.avoided:
-        try:
+    none: ShsaError = NoSubstitute(service.properties, ())
+    for whole in (True, False):
+        for causes in (*service.avoided, ()):
             apart = available.excluding(causes)
-            return plan_sources(*question, apart, method, tried, predictor)
-        except (NoSubstitute, GenerationError):
-            continue
-    return plan_sources(*question, available, method, tried, predictor)
+            outputs = service.sources if whole else _derivable(ontology.network, service, apart)
+            question = ontology, service.name, outputs, apart, method, tried, predictor
+            try:
+                plan = plan_sources(*question) if outputs else None
+            except (NoSubstitute, GenerationError) as error:
+                none = error if whole else none
+                continue
+            if plan is not None:
+                left = tuple(s.property for s in service.sources if s not in outputs)
+                missing = none.missing if left and isinstance(none, NoSubstitute) else ()
+                return replace(plan, left_out=left, missing=missing)
+    raise none
+
+
+def part(service: Service, lost: Collection[str]) -> Tuple[Source, ...]:
+    """Return the values of a service that can be published without those `lost`.
+
+    There are none where its message does not say of each lost one that it is unknown.
+    """
+    unknown = {s.provision.unknown_with for s in service.sources if s.property in lost}
+    if "" in unknown or service.others is not Others.UNKNOWN:
+        return ()
+    return tuple(s for s in service.sources if s.provision.unknown_with not in unknown)
+
+
+def _derivable(network: Network, service: Service, table: SourceTable) -> Tuple[Source, ...]:
+    """Return what can be published of a service that lacks a value; nothing if it lacks none."""
+    if len({source.provision.unknown_with for source in service.sources}) < 2:
+        return ()
+    best = BestDerivations(network, table, network.executable)
+    names = service.properties
+    lost = [name for name in names if not best.settle(network.number(name))]
+    return part(service, lost) if lost else ()
 
 
 def plan_sources(
@@ -104,9 +146,9 @@ def plan_sources(
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
     question = ontology.network, table, properties
-    for listed in (_listing(*question, method, predictor), _smallest_first(*question)):
+    for found in (_listing(*question, method, predictor), _smallest_first(*question)):
         looked_at = 0
-        for rated, proven_best in islice(listed, most):
+        for rated, proven_best in islice(found, most):
             looked_at += 1
             plan = make_plan(ontology, service, outputs, rated, proven_best, predictor)
             if isinstance(plan, GenerationError):
@@ -156,14 +198,14 @@ def make_plan(
     )
 
 
-def safe_values(service: Service) -> Optional[SafeValues]:
-    """Return the program of a service's safe values; None if the SOM gives none."""
+def safe_values(service: Service) -> Optional[Plan]:
+    """Return the plan of a service's safe values; None if the SOM gives none."""
     values = dict(service.last_resort.values)
     outputs = tuple(source for source in service.sources if source.property in values)
     if not outputs or service.unwritable or read_alone(service):
         return None
     program = generate_values([(source, values[source.property]) for source in outputs])
-    return SafeValues(service.name, program, outputs)
+    return Plan(service.name, program, (), outputs, 0.0, (), False, (), (None,) * len(outputs))
 
 
 def check_writable(service: Service) -> None:

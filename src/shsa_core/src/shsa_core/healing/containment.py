@@ -7,7 +7,7 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.healing.health import HEALTHY, MISSED, Health
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.naming import Names
-from shsa_core.healing.planner import AnyPlan, Planner
+from shsa_core.healing.planner import Planner
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import BY_LINK, Contain, Kind
 from shsa_core.model.service import Service
@@ -109,15 +109,15 @@ class Computed(NamedTuple):
 class Indexes:
     """Services by what they read and wait for, kept up as they decide.
 
-    `stuck`: those that nothing can heal now. `kept`: those whose faulty node is kept. `computed`:
-    those that a substitute computes, or is to.
+    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty
+    node is kept. `computed`: those that a substitute computes, or is to.
     """
 
     def __init__(self) -> None:
         self.stuck: Dict[str, None] = {}
         self.kept: Dict[str, None] = {}
         self.computed: Dict[str, Computed] = {}
-        self.working: Dict[str, Tuple[float, AnyPlan]] = {}
+        self.working: Dict[str, Tuple[float, Plan]] = {}
         self.refused: Dict[str, str] = {}
         self._reads: Dict[str, Dict[str, None]] = {}
         self._readers: Dict[str, Set[str]] = {}
@@ -127,19 +127,19 @@ class Indexes:
         return sorted({name for each in services for name in self._readers.get(each, ())})
 
     def follow(
-        self, incident: Incident, name: str, plan: Optional[AnyPlan], tried: FrozenSet[Plan]
+        self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
     ) -> None:
         """Note how a service has decided, and what its substitute reads now."""
         self.stuck.pop(name, None)
         self.kept.pop(name, None)
         self.computed.pop(name, None)
-        sources = plan.inputs if isinstance(plan, Plan) else ()
+        sources = plan.inputs if plan else ()
         for read in self._reads.get(name, ()):
             self._readers[read].discard(name)
         self._reads[name] = {each.service.name: None for each in sources}
         for read in self._reads[name]:
             self._readers.setdefault(read, set()).add(name)
-        if incident.state in STUCK:
+        if incident.state in STUCK or (plan and plan.left_out):
             self.stuck[name] = None
         if incident.state is State.KEPT or incident.kept:
             self.kept[name] = None

@@ -1,7 +1,7 @@
 """Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
 import re
 from collections import defaultdict
-from typing import DefaultDict, Dict, FrozenSet, Iterable, Set, Tuple
+from typing import DefaultDict, Dict, FrozenSet, Iterable, Mapping, Set, Tuple
 
 from shsa_core.errors import listed
 from shsa_core.healing.naming import Names
@@ -9,6 +9,7 @@ from shsa_core.model.som import Som
 
 Pairs = FrozenSet[Tuple[str, str]]
 """Names of topics or services, and the nodes that have registered them."""
+Had = Mapping[str, Tuple[str, ...]]
 TF = ("/tf", "/tf_static")
 OF_EVERY_NODE = ("/clock", "/rosout", "/diagnostics", "/statistics")
 OWN_TOPICS = ("/parameter_descriptions", "/parameter_updates", "/bond")
@@ -23,23 +24,24 @@ MOST = 3  # names of each kind
 
 
 def duties_of(
-    som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs
+    som: Som, names: Names, publishers: Pairs, subscribers: Pairs, services: Pairs, *, had: Had = {}
 ) -> Dict[str, Tuple[str, ...]]:
-    """Return the duties, in words, of each node that publishes a service and has any."""
+    """Return the duties, in words, of each node that publishes a service and has any.
+
+    A node of the SOM that is gone keeps those that it `had`: it may soon be back.
+    """
     by_node = lambda pairs: _grouped((node, name) for name, node in pairs)
     published, subscribed, served = map(by_node, (publishers, subscribers, services))
     listeners, publishing = map(_grouped, (subscribers, publishers))
     named = {topic for each in som for topic in (each.topic, each.heard)}
     orders = {each.heard for each in som if COMMANDS.search(f"{each.topic} {each.type}")}
-    found: Dict[str, Tuple[str, ...]] = {}
+    gone = {each.node for each in som} - {node for _, node in publishers}
+    found = {node: duties for node, duties in had.items() if node in gone}
 
     def others(topics: Set[str]) -> Set[str]:
         """Return the topics that nothing else here knows, and that mean more than the node."""
-        return {
-            each
-            for each in topics - named - {*TF, *OF_EVERY_NODE}
-            if not each.endswith(OWN_TOPICS) and not each.startswith(names.topics)
-        }
+        rest = topics - named - {*TF, *OF_EVERY_NODE}
+        return {t for t in rest if not t.endswith(OWN_TOPICS) and not t.startswith(names.topics)}
 
     for node in sorted({node for topic, node in publishers if topic in named}):
         if names.of_healing(node, any(each.node == node for each in som)):

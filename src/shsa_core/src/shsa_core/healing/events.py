@@ -33,8 +33,7 @@ class Pulse(Word):
     """The signs of life of a substitute's process."""
 
     HEARD = "heard"
-    SILENT = "silent"  # just now: it hangs, or is slow
-    HUNG = "hung"  # for long
+    HUNG = "hung"  # it is stopped, or gives none for long
 
 
 @dataclass(frozen=True)
@@ -209,13 +208,13 @@ class ProcessExited(NodeEvent):
 
     @property
     def told(self) -> str:
-        """What happened, in words."""
+        """Return a text of what happened."""
         return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)
 class ProcessPulse(NodeEvent):
-    """The process of a substitute gives its first sign of life, or again one; or none any more."""
+    """The process of a substitute gives its first sign of life; or none any more."""
 
     pulse: Pulse
 

@@ -23,8 +23,8 @@ class Health:
     not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
     a node is never killed unless the SOM says so; `duties`: what a kill costs beyond the SOM.
     `verified`: the nodes whose process is known. `good`: who has ever published a topic well.
-    `consumers`: the nodes outside healing that subscribe to each topic. `due`: when `missed` has
-    something to tell.
+    `templates`: a message of each who was well. `consumers`: the nodes outside healing that
+    subscribe to each topic. `due`: when `missed` has something to tell.
     """
 
     def __init__(self) -> None:
@@ -37,6 +37,7 @@ class Health:
         self.duties: Dict[str, Tuple[str, ...]] = {}
         self.verified: Set[str] = set()
         self.good: Set[Key] = set()
+        self.templates: Dict[Key, bytes] = {}
         self.consumers: Mapping[str, Tuple[str, ...]] = {}
         self.due: Optional[float] = None
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
@@ -150,6 +151,8 @@ class Health:
             self.topics.setdefault(node, {})[topic] = None
         if row.state is HEALTHY or row.last_good is not None:
             self.good.add(row.key)
+        if row.state is HEALTHY and row.last_message:
+            self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
             self.verified.discard(node)
         if row.state is not HEALTHY or row.since <= self.excluded.get(node, row.since):
@@ -172,14 +175,11 @@ class Health:
 
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""
-        self.protected.pop(node, None)
         self.verified.discard(node)
         self.excluded[node] = time
-        for topic in self.topics.get(node, {}):
-            row = self.rows[topic][node]
-            if row.state is HEALTHY and row.since > time:
-                del self.excluded[node]
-                return
+        rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
+        if any(row.state is HEALTHY and row.since > time for row in rows):
+            del self.excluded[node]
 
     # A monitor is lost, or starts anew.
 

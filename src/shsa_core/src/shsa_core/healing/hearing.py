@@ -55,7 +55,7 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
         if not told and row is not None and row.state is PublisherState.FAILED:
             return []  # said when the table told it
         why = event.detail.rstrip(".")
-        return [Log(Level.WARN, f"{topic} failed: {why}. It is not marked `needed`, ignored.")]
+        return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
     # A node that is asked about does well, and so does a substitute that tells of its law.
     if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
         if not told and not robot.health.note(event):
@@ -167,7 +167,8 @@ def _write_health(core: Core, key: Key) -> None:
     topic, node = key
     row = core.robot.health.rows.get(topic, {}).get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
-    record = Healthy(topic, node, row.since) if row is not None and well else None
+    template = core.robot.health.templates.get(key, b"")
+    record = Healthy(topic, node, row.since, template) if row is not None and well else None
     core.robot.records.set(f"healthy {topic} {node}", record)
 
 

@@ -338,9 +338,9 @@ class Reconfigurator:
         return commands + self._core.ask_all(served, lambda each: each.exited(event.told))
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
-        served = self._processes.served(event.node)
+        served = self._processes.served(event.node) if event.pulse is events.Pulse.HUNG else ()
         commands = self._processes.tells(event.node, event.pulse)
-        return commands + self._core.ask_all(served, lambda each: each.process_pulse(event.pulse))
+        return commands + self._core.ask_all(served, lambda each: each.process_hangs())
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self._core.incident(event.service)

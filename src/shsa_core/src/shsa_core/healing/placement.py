@@ -9,7 +9,6 @@ from typing import Callable, Collection, Dict, Iterable, List, Tuple
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing.hosts import Computers
-from shsa_core.healing.planner import AnyPlan
 from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
@@ -133,11 +132,10 @@ class Placement:
 
         return sorted((each for each in there if self.allowed(service, each)), key=rank)
 
-    def inputs(self, plan: AnyPlan) -> List[Service]:
+    def inputs(self, plan: Plan) -> List[Service]:
         """Return the services that a plan reads, each once, where they are as the SOM is now."""
         services = self._som().services
-        read = plan.inputs if isinstance(plan, Plan) else ()
-        named = {each.service.name: each.service for each in read}
+        named = {each.service.name: each.service for each in plan.inputs}
         return [services.get(name, each) for name, each in named.items()]
 
     def _cost(self, inputs: List[Service], service: Service, host: str) -> Cost:

@@ -109,14 +109,9 @@ class PlanTable:
         del self._stale[name]
         avoided = self.to_avoid(name)
         try:
-            plan = plan_service(
-                self._ontology,
-                self._needed[name],
-                self.sources,
-                avoided,
-                self._method,
-                predictor=self._predictor(),
-            )
+            service, predictor = self._needed[name], self._predictor()
+            question = self._ontology, service, self.sources, avoided, self._method
+            plan = plan_service(*question, predictor=predictor)
         except ShsaError as error:
             self._answers[name] = error
         else:

@@ -1,8 +1,8 @@
 """Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
-from typing import Collection, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Collection, Dict, List, Optional, Sequence, Tuple
 
-from shsa_core.codegen.plans import Plan, SafeValues, plan_service, safe_values
+from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
 from shsa_core.healing.health import Availability, Health
@@ -16,7 +16,6 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import CalibrationRow
 
-AnyPlan = Union[Plan, SafeValues]
 Calibrated = Tuple[Calibration, ...]
 
 
@@ -115,7 +114,7 @@ class Planner:
         excluded = {*self._health.excluded, *self._health.dying, faulty}
         return self._without(service, excluded, tried)
 
-    def recall(self, service: Service, row: Substitution) -> Optional[AnyPlan]:
+    def recall(self, service: Service, row: Substitution) -> Optional[Plan]:
         """Return the plan that a row of the table carries out, by the models as they are now.
 
         None: it is none of the best, or none at all.
@@ -138,14 +137,13 @@ class Planner:
     def replaceable(
         self, service: Service, excluded: Collection[str], tried: Collection[Plan] = ()
     ) -> bool:
-        """Tell that a substitute could take a service over without some nodes."""
+        """Tell that a substitute could take all of a service over without some nodes."""
         if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
             return False
         try:
-            self._without(service, excluded, tried)
+            return not self._without(service, excluded, tried).left_out
         except ShsaError:
             return False
-        return True
 
     def _without(
         self, service: Service, excluded: Collection[str], tried: Collection[Plan]
@@ -186,11 +184,11 @@ class Planner:
         """Return the services other than `service` that nothing can be derived from now."""
         return tuple(sorted(self._availability.unavailable - {service}))
 
-    def inputs(self, plan: AnyPlan) -> Tuple[Signal, ...]:
+    def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan reads."""
-        return self._signals(plan.inputs) if isinstance(plan, Plan) else ()
+        return self._signals(plan.inputs)
 
-    def outputs(self, plan: AnyPlan) -> Tuple[Signal, ...]:
+    def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan gives; a takeover asks it of one plan several times."""
         known = self.calibrations.of(plan.service, plan.program)
         asked = (plan, self.som, known)
@@ -198,11 +196,9 @@ class Planner:
             self._answered, self._answer = asked, self._outputs(plan, known)
         return self._answer
 
-    def _outputs(self, plan: AnyPlan, known: Calibrated) -> Tuple[Signal, ...]:
+    def _outputs(self, plan: Plan, known: Calibrated) -> Tuple[Signal, ...]:
         """Return it with gain, offset and error as the living sensor has shown."""
         signals = self._signals(plan.outputs, written=True)
-        if not isinstance(plan, Plan):
-            return signals
         found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
         for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
             if source.provision.calibrate:
@@ -211,7 +207,7 @@ class Planner:
                 found[i] = replace(found[i], gain=gain, offset=offset, error=shown)
         return tuple(found)
 
-    def errors(self, plan: AnyPlan) -> Tuple[Optional[Error], ...]:
+    def errors(self, plan: Plan) -> Tuple[Optional[Error], ...]:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
         return tuple(signal.error for signal in self.outputs(plan))
 

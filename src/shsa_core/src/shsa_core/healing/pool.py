@@ -16,13 +16,12 @@ class Pool:
 
     They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
     its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
-    `heard`: those that have given a sign of life; `silent`: those that give none now.
+    `heard`: those that have given a sign of life.
     """
 
     def __init__(self, settings: Settings) -> None:
         self.processes: Dict[str, IdleProcess] = {}
         self.heard: Set[str] = set()
-        self.silent: Set[str] = set()
         self.plans: Dict[str, Substitution] = {}
         self._settings = settings
         self._wanted: Counter[str] = Counter()  # how many plans each computer has
@@ -53,17 +52,11 @@ class Pool:
         """Return the processes on a computer."""
         return [each.node for each in self.processes.values() if each.host == host]
 
-    def hosts(self) -> Set[str]:
-        """Return the computers that have a process to set to work."""
-        idle = self.processes.values()
-        return {each.host for each in idle if each.node not in self.silent}
-
     def spare(self, host: str) -> Optional[IdleProcess]:
         """Return a process on a computer to set to work, rather one that was heard already."""
         here = [each for each in self.processes.values() if each.host == host]
-        ready = [each for each in here if each.node not in self.silent]
-        heard = [each for each in ready if each.node in self.heard]
-        return next(iter(heard or ready), None)
+        heard = [each for each in here if each.node in self.heard]
+        return next(iter(heard or here), None)
 
     def serve(
         self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
@@ -118,7 +111,6 @@ class Pool:
 
     def _remove(self, node: str) -> IdleProcess:
         self.heard.discard(node)
-        self.silent.discard(node)
         return self.processes.pop(node)
 
 

@@ -10,7 +10,6 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Pulse, Log
 from shsa_core.healing.placement import Place, Placement
-from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess, Table
 from shsa_core.healing.robot import Robot
@@ -73,10 +72,11 @@ class Processes:
 
     # Where they run.
 
-    def place(self, service: Service, plan: AnyPlan) -> Place:
+    def place(self, service: Service, plan: Plan) -> Place:
         """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
         ready, time = self.pool.plans.get(service.name), self._robot.time
-        host, idle = ("", set()) if ready is None else (ready.host, self.pool.hosts())
+        host = "" if ready is None else ready.host
+        idle = {each.host for each in self.pool.processes.values() if ready is not None}
         return self.placement.place(time, service, self.placement.inputs(plan), host, idle)
 
     def _placed(self, host: str, since: float) -> List[Cost]:
@@ -87,8 +87,7 @@ class Processes:
             changed, plan = self._robot.indexes.working[name]
             service = self._robot.som.services.get(name)
             if service is not None and changed > since:
-                inputs = plan.inputs if isinstance(plan, Plan) else ()
-                found.append(cost([source.service for source in inputs], service, here))
+                found.append(cost([each.service for each in plan.inputs], service, here))
         return found
 
     # One is started, or set to work.
@@ -101,7 +100,7 @@ class Processes:
         plan, host = substitute.plan, substitute.host
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
-        shared = ahead and isinstance(plan, Plan) and not host and self._shares(service, plan)
+        shared = ahead and not host and self._shares(service, plan)
         spare = self.pool.spare(host) if is_warm(service) and not shared else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
@@ -182,21 +181,14 @@ class Processes:
         return served, []
 
     def tells(self, node: str, pulse: Pulse) -> List[Command]:
-        """Note how a process does, and replace an idle one that hangs; services do that of others.
-
-        An idle one that is silent is not set to work.
-        """
-        pool = self.pool
+        """Note how a process does, and replace an idle one that hangs; services replace theirs."""
+        idle = node in self.pool.processes
         if pulse is Pulse.HEARD:
             self.starts.over(node)
-        if node not in pool.processes:
-            return []
-        if pulse is Pulse.HUNG:
+            self.pool.heard.update([node] if idle else [])
+        elif idle:
             text = f"{node} hangs. It is ended and replaced."
             return [*self.drop_idle(node), Log(Level.WARN, text)]
-        (pool.heard if pulse is Pulse.HEARD else pool.silent).add(node)
-        if pulse is Pulse.HEARD:
-            pool.silent.discard(node)
         return []
 
     def drop_idle(self, node: str) -> List[Command]:
@@ -286,7 +278,7 @@ class Substitute:
     def __init__(self, service: str, robot: Robot, processes: Processes) -> None:
         self.node = self.host = ""
         self.shared = False
-        self.plan: Optional[AnyPlan] = None
+        self.plan: Optional[Plan] = None
         self.working_since = self.changed = 0.0
         self.patience = TAKEOVER_S
         self.plan_to_blame = True
@@ -295,13 +287,17 @@ class Substitute:
         self._processes = processes
         self.started = 0.0
         self.tried: FrozenSet[Plan] = frozenset()
-        self._values_tried = False
         self._deaths = 0
 
     @property
     def computes(self) -> bool:
         """Tell that it computes the lost values, and not just safe ones."""
-        return isinstance(self.plan, Plan)
+        return self.plan is not None and self.plan.computes
+
+    @property
+    def whole(self) -> bool:
+        """Tell that it computes all values of the service."""
+        return self.plan is not None and self.plan.computes and not self.plan.left_out
 
     @property
     def changing(self) -> bool:
@@ -316,21 +312,22 @@ class Substitute:
     @property
     def lost_input(self) -> bool:
         """Tell that something that it reads is not available any more."""
-        return isinstance(self.plan, Plan) and not self._robot.planner.usable(self.plan)
+        return self.plan is not None and not self._robot.planner.usable(self.plan)
 
     def find(self, service: Service, faulty: str) -> Plan:
-        """Return the plan to follow now: the one that is followed, if it still holds.
+        """Return the plan to follow now: the one that is followed, if it holds and gives all.
 
         Raises ShsaError if there is none.
         """
         plan, planner = self.plan, self._robot.planner
-        if isinstance(plan, Plan) and plan not in self.tried and planner.usable(plan, {faulty}):
-            return plan
+        if plan is not None and self.whole and plan not in self.tried:
+            if planner.usable(plan, {faulty}):
+                return plan
         return planner.plan(service, self.tried, faulty)
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
-        tried = self.tried | {self.plan} if isinstance(self.plan, Plan) else self.tried
+        tried = self.tried if self.plan is None else self.tried | {self.plan}
         try:
             return self._robot.planner.plan(service, tried, faulty)
         except ShsaError:
@@ -338,13 +335,11 @@ class Substitute:
 
     def leave_plan(self) -> None:
         """Count the plan that is followed as tried; the process goes on."""
-        if isinstance(self.plan, Plan):
+        if self.plan is not None:
             self.tried |= {self.plan}
-        elif self.plan is not None:
-            self._values_tried = True
 
     def use(
-        self, service: Service, plan: AnyPlan, publishes: bool = False, ahead: bool = False
+        self, service: Service, plan: Plan, publishes: bool = False, ahead: bool = False
     ) -> List[Command]:
         """Set the process at hand, which may publish already, or another to work on a plan.
 
@@ -370,7 +365,7 @@ class Substitute:
         robot.indexes.working[service.name] = now, plan
         return commands
 
-    def take_up(self, row: Substitution, plan: AnyPlan, working_since: float) -> None:
+    def take_up(self, row: Substitution, plan: Plan, working_since: float) -> None:
         """Go on with a process of a former reconfigurator that works on a plan."""
         self.node, self.host, self.shared, self.plan = row.node, row.host, row.shared, plan
         self._robot.indexes.working[self._service] = self._robot.time, plan
@@ -381,7 +376,7 @@ class Substitute:
     def use_safe_values(self, service: Service) -> List[Command]:
         """Have the service's safe values published, if it has any; else no process is left."""
         plan = safe_values(service)
-        if plan is None or self._values_tried:
+        if plan is None or plan in self.tried:
             return self.drop()
         try:
             return [] if plan == self.plan else self.use(service, plan)
@@ -423,4 +418,4 @@ class Substitute:
 
     def forget(self) -> None:
         """Let every plan be tried again."""
-        self.tried, self._values_tried, self._deaths = frozenset(), False, 0
+        self.tried, self._deaths = frozenset(), 0

@@ -102,12 +102,13 @@ class IdleProcess(Keyed):
 
 @dataclass(frozen=True)
 class Healthy(Keyed):
-    """A publisher that does well since a moment, as the monitor told last."""
+    """A publisher that does well since a moment, and a message of it, as the monitor told last."""
 
     KEY = "healthy {0.topic} {0.publisher}"
     topic: str
     publisher: str
     since: float
+    template: bytes = b""
 
 
 @dataclass(frozen=True)

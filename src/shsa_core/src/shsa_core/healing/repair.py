@@ -12,7 +12,6 @@ from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, Sta
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import no_accusation
 from shsa_core.healing.placement import NoRoom, Place
-from shsa_core.healing.planner import AnyPlan
 from shsa_core.healing.records import Fate
 from shsa_core.healing.process import is_hot, is_warm
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
@@ -64,7 +63,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     former = service.incident.faulty_node
     accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
-        commands += service.judge(accusation, search(service)[0] is not None)
+        commands += service.judge(accusation, search(service)[0])
         if not accusation.babbles:  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
@@ -93,7 +92,7 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.timers.clear()
     plan, none = search(service)
     text = f"{spec.topic}: {node} failed again: {failure.detail}."
-    commands += [Log(Level.WARN, text), *service.judge(accusation, plan is not None)]
+    commands += [Log(Level.WARN, text), *service.judge(accusation, plan)]
     detail = f"{node} failed again: {failure.detail}"
     if service.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
@@ -175,7 +174,7 @@ def retry(service: ServiceMachine, _: Failure) -> List[Command]:
 def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work, unless it follows that plan."""
     plan, none = search(service)
-    commands = service.judge(service.accusation, plan is not None)
+    commands = service.judge(service.accusation, plan)
     if service.accusation.babbles or idle(service):
         return commands + keep(service, plan, none)
     if not service.spec.policy.substitutes:
@@ -235,25 +234,25 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         first_message=first_message,
         detail=text,
         substitute=substitute.node,
-        missing=(),
+        missing=plan.missing,
         **carried_out(service, plan),
     )
 
 
-def carried_out(service: ServiceMachine, plan: Optional[AnyPlan]) -> Dict[str, object]:
+def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, object]:
     """Return what an incident shows of the plan that is carried out, or could be."""
     planner = service.robot.planner
-    program, computes = plan.program if plan else NOTHING, isinstance(plan, Plan)
-    outputs = planner.outputs(plan) if isinstance(plan, Plan) else ()
+    program, computes = plan.program if plan else NOTHING, plan and plan.computes
+    outputs = planner.outputs(plan) if plan and computes else ()
     return {
         "unavailable": planner.unavailable(service.spec.name),
         "inputs": program.inputs if computes else (),
         "code": program.code,
         "outputs": program.outputs,
-        "relations": plan.relations if isinstance(plan, Plan) else (),
+        "relations": plan.relations if plan else (),
         "gains": tuple([each.gain for each in outputs]),
         "offsets": tuple([each.offset for each in outputs]),
-        "quality": plan.quality if isinstance(plan, Plan) else None,
+        "quality": plan.quality if plan and computes else None,
         "errors": tuple([each.error for each in outputs]),
     }
 
@@ -359,7 +358,7 @@ def publish(service: ServiceMachine, _: Failure) -> List[Command]:
     text = f"{service.spec.topic}: {service.node} publishes it now.{lasted}"
     commands.append(Log(Level.INFO, text))
     if service.accusation.fate is Fate.WAITS:
-        commands += service.judge(service.accusation, replaced=True) + service.step()
+        commands += service.judge(service.accusation, service.substitute.plan) + service.step()
     return commands
 
 
@@ -413,7 +412,8 @@ def told(plan: Plan) -> str:
     """Return a plan in words."""
     using = ", ".join(plan.relations) or "the same property elsewhere"
     inputs = ", ".join(plan.program.inputs) or "constants"
-    return f"quality {plan.quality:.2g} by {using} from {inputs}"
+    lacks = f"; {plan.lacks}" if plan.left_out else ""
+    return f"quality {plan.quality:.2g} by {using} from {inputs}{lacks}"
 
 
 _STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)

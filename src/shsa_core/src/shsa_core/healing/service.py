@@ -14,11 +14,11 @@ from shsa_core.healing import events
 from shsa_core.healing.events import (
     Command,
     FailureSeen,
-    Pulse,
     Log,
     ShowIncident,
     SubstituteStarted,
 )
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillNode, KillOver, Outcome
 from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
@@ -101,9 +101,13 @@ class ServiceMachine:
     def yields(self) -> bool:
         """Tell that the substitute is to be still once the faulty node is heard again.
 
-        It is if that was only silent, and nobody has made sure that it is gone.
+        It is if that was only silent, and nobody has made sure that it is gone. On a shared topic
+        somebody else is heard; there only a substitute that a cut may part from it listens.
         """
-        return self.incident.killed is None and self.publishes and self.accusation.silent
+        if self.accusation.kind not in MISSED or self.incident.killed is not None:
+            return False
+        apart = self.parted or len(self.robot.som.of_topic(self.spec.topic)) == 1
+        return apart and self.publishes
 
     @property
     def parted(self) -> bool:
@@ -173,17 +177,17 @@ class ServiceMachine:
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
-                commands = self.judge(accusation, replaced=True)
+                commands = self.nodes.judge(self.spec, accusation, True, False)
                 self.nodes.acquit(self.spec, node)
                 text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
                 return [*commands, Log(Level.WARN, text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
         return commands + self._notice_first_message()  # by a bridge, heard before the failure
 
-    def judge(self, accusation: Accusation, replaced: bool) -> List[Command]:
-        """Have it decided what becomes of a node."""
-        taken_over = self.state is State.HEALED
-        return self.nodes.judge(self.spec, accusation, replaced, taken_over)
+    def judge(self, accusation: Accusation, plan: Optional[Plan]) -> List[Command]:
+        """Have it decided what becomes of a node whose place a plan takes."""
+        replaced = plan is not None and plan.computes and not plan.left_out
+        return self.nodes.judge(self.spec, accusation, replaced, self.state is State.HEALED)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -201,7 +205,7 @@ class ServiceMachine:
         changing = event.kind is Kind.SILENT and self.substitute.changing
         if changing and self.state not in SUBSTITUTED:
             return []
-        if event.kind is Kind.SILENT and self.parted and self.yields:
+        if event.kind is Kind.SILENT and self.yields:
             changing = True  # the original is heard again, or may be
         if self.state is not State.WELL and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
@@ -271,7 +275,7 @@ class ServiceMachine:
         node, nodes, health = self.incident.faulty_node, self.nodes, self.robot.health
         if not self.refuses or self.accusation.kept or node in health.dying or self._awaited():
             return []
-        if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.computes).kill:
+        if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
             return []
         order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
         return nodes.refuse(order)
@@ -299,12 +303,9 @@ class ServiceMachine:
         """Replace the substitute's process, which has ended."""
         return self._substitute_failed(why, False)
 
-    def process_pulse(self, pulse: Pulse) -> List[Command]:
-        """Replace the substitute's process if it hangs, or is silent at a takeover."""
-        at_hand = self.state is State.HEALING and not self.substitute.plan_to_blame
-        if pulse is Pulse.HUNG or (pulse is Pulse.SILENT and at_hand):
-            return self._substitute_failed("its process gives no sign of life", False)
-        return []
+    def process_hangs(self) -> List[Command]:
+        """Replace the substitute's process, which hangs."""
+        return self._substitute_failed("its process gives no sign of life", False)
 
     def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
         """Stop the substitute; its plan is not tried again if `tried`."""
@@ -368,6 +369,7 @@ class ServiceMachine:
         state = self.state
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
+        waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)
         kept = self.accusation.kept and state is not State.RETURNING
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
@@ -440,18 +442,19 @@ class ServiceMachine:
             planner.inputs(plan),
             plan.program.code,
             planner.outputs(plan),
-            plan.relations if isinstance(plan, Plan) else (),
-            plan.quality if isinstance(plan, Plan) else 0.0,
+            plan.relations,
+            plan.quality,
             publishes,
             self.incident.faulty_node if self.incident.killed and not spec.gated else "",
             spec.others,
             self.last_message,
             substitute.host,
             spec.on_partition if parted else OnPartition.WAIT,
-            parted and self.yields,
+            self.yields,
             0.0 if publishes else self._bridge(),
             gated=spec.gated,
             shared=substitute.shared,
+            template=self.robot.health.templates.get((spec.topic, spec.node), b""),
         )
 
     def _bridge(self) -> float:
@@ -466,7 +469,7 @@ class ServiceMachine:
             return 0.0
         here = not robot.som.hosts or self.substitute.host == robot.host_of(spec.node)
         alone = len(robot.som.of_topic(spec.topic)) == 1
-        fits = here and alone and self.spec.policy.substitutes and self.substitute.computes
+        fits = here and alone and self.spec.policy.substitutes and self.substitute.whole
         return (spec.bridges or 0.0) * (spec.period or 0.0) if fits else 0.0
 
     def record(self, row: Optional[Substitution]) -> ServiceRecord:

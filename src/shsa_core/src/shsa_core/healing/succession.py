@@ -101,7 +101,8 @@ def _recall(core: Core, time: float, record: Healthy) -> List[Command]:
         return []
     since = record.since
     state = PublisherState.HEALTHY
-    row = PublisherHealth(record.topic, node, state, since, since, since)
+    moments, template = (since, since, since), record.template
+    row = PublisherHealth(record.topic, node, state, *moments, last_message=template)
     robot.health.recall(time, row)
     robot.records.set(record.key, record)
     if ours:

@@ -18,7 +18,8 @@ class Provision:
     """One value of a service: the property, and the field of the message that holds it.
 
     The keys of the SOM (`files/keys.py`), and `unreadable`: why it cannot be read on this computer,
-    or empty; `where`: file and line, or parameter.
+    or empty; `unknown_with`: the part of the message that can be marked as unknown where this value
+    is, or empty; `where`: file and line, or parameter.
     """
 
     property: str
@@ -30,6 +31,7 @@ class Provision:
     unreadable: str = ""
     calibrate: bool = True
     usual: Optional[Tuple[float, float]] = None
+    unknown_with: str = dataclasses.field(default="", compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
 
 

@@ -49,7 +49,7 @@ class LastMessages:
     def rows(self, change: HealthChanged) -> Tuple[List[PublisherHealth], List[PublisherHealth]]:
         """Return changed rows, and those of new failures.
 
-        Each failed one has the message from which a substitute goes on.
+        Each failed one has the message from which a substitute goes on, a healthy original any.
         A row that failed before changes where its substitute has left: whoever takes over next, or
         a reconfigurator that is started then, goes on where that was.
         """
@@ -68,13 +68,13 @@ class LastMessages:
         return rows, new
 
     def _row(self, row: PublisherHealth, time: float) -> PublisherHealth:
-        if row.state is not PublisherState.FAILED:
+        ours, failed = row.publisher in self._substitutes, row.state is PublisherState.FAILED
+        if not failed and (ours or row.state is not PublisherState.HEALTHY):
             return row
         before = self._failed.get(row.key)
-        if before is not None and before.since == row.since:
-            row = replace(row, last_message=before.last_message)
-        else:
-            row = replace(row, last_message=self.newest(*row.key, row.last_good, time))
-        if row.publisher not in self._substitutes:
+        if before is None or before.since != row.since:
+            before = replace(row, last_message=self.newest(*row.key, row.last_good, time))
+        row = replace(row, last_message=before.last_message)
+        if failed and not ours:
             self._failed[row.key] = row
         return row

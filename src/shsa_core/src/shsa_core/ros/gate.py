@@ -23,7 +23,7 @@ from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
 from shsa_core.ros.reader import ALL, Reader
-from shsa_core.ros.sockets.subscriptions import Arrived, Looked, Subscriptions
+from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, run
@@ -57,7 +57,8 @@ class GateNode:
             latch=self._service.latched,
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
-            events.Command, {events.Pass: self._pass, events.Log: self._log}
+            events.Command,
+            {events.Pass: self._pass, events.Log: lambda c: LOG[c.level]("%s.", c.text)},
         )
         self._subscriptions.subscribe(self._service.topic)
         if first:
@@ -85,8 +86,8 @@ class GateNode:
         for happening in happenings:
             if isinstance(happening, Arrived):
                 self._arrived(happening, newest[happening.connection] is happening.data)
-            elif isinstance(happening, Disconnected):
-                self._feed(happening)
+            elif isinstance(happening, Gone):
+                self._feed(Disconnected(*happening))
             elif isinstance(happening, Looked):
                 self._feed(events.Tick(happening.time))
 
@@ -116,9 +117,6 @@ class GateNode:
             struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
         self._publisher.publish(self._written(data))
-
-    def _log(self, command: events.Log) -> None:
-        LOG[command.level]("%s.", command.text)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

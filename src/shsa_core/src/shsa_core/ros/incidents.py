@@ -53,17 +53,14 @@ class Incidents:
             if incident.state is State.ENDED:
                 del self._open[incident.service]
             self._changed.notify_all()
-            self._publisher.publish(self._message(incident))
+            self._publisher.publish(self._sign(wire.incident(incident)))
         if incident.state is State.ENDED:
             self._log(incident)
-
-    def _message(self, incident: Incident) -> msg.Incident:
-        return self._sign(wire.incident(incident))
 
     def _tell_open(self, _: str, tell: Tell) -> None:
         with self._changed:
             for incident in self._open.values():
-                tell(self._message(incident))
+                tell(self._sign(wire.incident(incident)))
 
     def open(self) -> Dict[str, Incident]:
         """Return the incidents that have not ended, by service."""

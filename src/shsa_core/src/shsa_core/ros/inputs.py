@@ -4,29 +4,30 @@ Muted, most of it never matters: to wake for each message would be most of what 
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
 of what nobody reads yet the newest is kept, and decoded once somebody does.
 """
-from typing import Dict, Iterable, List, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
-from shsa_core.monitoring.events import Disconnected
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.processes import priority
-from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
+from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Subscriptions
 from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard
 
 
 class Inputs:
     """Events for one thread: what others put, and what that thread reads from the connections.
 
-    `name`: of the substitute. `lowered`: the priority of the process is, until what it does
-    matters.
+    `name`: of the substitute. `rests`: the priority of the process while what it does does not
+    matter; None: it is left as it is.
     """
 
-    def __init__(self, name: str, robot_clock: clock.RobotClock, lowered: bool = False) -> None:
-        self._name, self._lowered = name, lowered
+    def __init__(
+        self, name: str, robot_clock: clock.RobotClock, rests: Optional[int] = None
+    ) -> None:
+        self._name, self._rests = name, rests
         self._subscriptions = Subscriptions(robot_clock.now, _refused, self._wakes)
         self._inbox = self._subscriptions.inbox
         self._hurries = True
@@ -89,10 +90,10 @@ class Inputs:
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
                 events += self._arrived(happening)
-            elif isinstance(happening, Disconnected) and self._is_other(
+            elif isinstance(happening, Gone) and self._is_other(
                 happening.topic, happening.publisher
             ):
-                events.append(OtherGone(happening.time, happening.topic, happening.publisher))
+                events.append(OtherGone(*happening))
         if reads or not all(isinstance(event, OtherHeard) for event in events):
             for key in [key for key in self._newest if key[0] in self._read]:
                 events += self._input(self._newest.pop(key))
@@ -104,8 +105,8 @@ class Inputs:
             return
         self._hurries = hurries
         self._subscriptions.choose_waking()
-        if self._lowered:
-            (priority.restore_all if hurries else priority.lower_all)()
+        if self._rests is not None:
+            priority.set_all(priority.HURRIES if hurries else self._rests)
 
     def last(self, topic: str) -> bytes:
         """Return the last message of another one on a topic, serialized; empty: there is none."""

@@ -15,11 +15,13 @@ from typing import Any, Callable, Deque, List, Optional, Set
 import rospy
 from shsa_msgs import msg
 
+from shsa_core import message_types
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som, read_som
 from shsa_core.journal.writer import Handle, JournalWriter
+from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.som import Som
@@ -28,6 +30,7 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
+from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.handover import await_turn
 from shsa_core.ros.monitor_commands import Commands
 from shsa_core.ros.node import run
@@ -171,9 +174,12 @@ class MonitorNode:
         """Feed what happened at a connection."""
         if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
-        elif isinstance(happening, events.PublisherEvent):
-            self._feed(happening)
-        if isinstance(happening, events.Connected):
+        elif isinstance(happening, subscriptions.Gone):
+            self._feed(events.Disconnected(*happening))
+        elif isinstance(happening, subscriptions.Interrupted):
+            self._feed(events.Interrupted(*happening))
+        elif isinstance(happening, subscriptions.Connected):
+            self._feed(events.Connected(*happening))
             service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
@@ -204,7 +210,7 @@ class MonitorNode:
 
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
-        som = _share(self._arguments, som)
+        som = with_unknowns(_share(self._arguments, som), message_types.layout)
         topics = list(som.topics())
         unheard = tuple(topic for topic in topics if topic not in self._watched)
         self._feed(events.SomChanged(clock.now(), som, unheard))
@@ -294,4 +300,5 @@ def main() -> None:
     arguments = _arguments()
     name = names.monitor_of(arguments.host)
     await_turn(name)
+    priority.set_all(priority.HURRIES)
     run(name, lambda: MonitorNode(arguments).spin())

@@ -1,6 +1,7 @@
 """Runs a node so that it ends when it is told to, and logs nothing but printable text."""
 import gc
 import logging
+import resource
 import sys
 import threading
 from typing import Any, Callable, Dict
@@ -37,6 +38,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     called the master itself, it could wait there for a lock that it holds, for good.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a core would hold the secret
     say_failures_once()
     keep_rospys_threads()
     serve_each_by_itself(speaker)

@@ -1,10 +1,12 @@
 """The topics that a substitute has advertised: one publisher a topic."""
 import threading
+from contextlib import suppress
 from typing import Any, Callable, Dict, FrozenSet, Iterable, List
 
 import genpy
 import rospy
 
+from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
@@ -100,7 +102,9 @@ class _Composed:
 
     def __init__(self, command: Compose) -> None:
         kind = message_class(command.type)
-        last = read_message(kind, command.last_message) if command.last_message else None
+        last = None
+        with suppress(ShsaError):  # it may be of another version of the type
+            last = read_message(kind, command.last_message) if command.last_message else None
         self._message = compose(kind, last, command.others, dict(command.written))
         self._fields = {name: Field(kind, name) for name, _ in command.written}
         self._quaternions = tuple(quaternions(self._message))

@@ -35,6 +35,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
+from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.handover import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
@@ -112,7 +113,7 @@ class ReconfiguratorNode:
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
         given = signing.path, journals, arguments.sandbox
-        how = Setup(prefix, *given, forks=True, types=types, ready=ready)
+        how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
         self._hosts = AllHosts(self._local, signing, self._told, arguments.host)
         self._asked: Dict[str, float] = {}
@@ -317,7 +318,8 @@ class ReconfiguratorNode:
         service, words = command.service, command.words
         rospy.logwarn("%s: running %s.", service, words[0])
         try:
-            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True)
+            usual = priority.as_usual(words)
+            process = subprocess.Popen(usual, stdin=subprocess.DEVNULL, start_new_session=True)
             detail = f"exit status {process.wait()}"
         except OSError as error:
             detail = str(error)
@@ -327,7 +329,7 @@ class ReconfiguratorNode:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
-        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts)]
+        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, had=self._listed[1])]
         new = [
             tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
             for a, b in zip(self._listed, now)
@@ -346,6 +348,8 @@ class ReconfiguratorNode:
             self._healed = {*topics, *(self._healed or ())}
 
     def _show_substitutions(self, command: events.ShowSubstitutions) -> None:
+        for node in (row.node for row in command.rows if row.publishing):
+            self._local.hurry(node)
         self._substitutions.update(map(substitution_message, command.rows), command.removed)
 
     def _show_som(self, command: events.ShowSom) -> None:
@@ -444,9 +448,8 @@ def main() -> None:
     parser.add_argument("--journal", default="", help="a file for every event, to be replayed")
     parser.add_argument("--live-parameters", action="store_true", help=LIVE_PARAMETERS)
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
-    parser.add_argument(
-        "--unsigned-failures", action="store_true", help="believe unsigned failures"
-    )
+    parser.add_argument("--unsigned-failures", action="store_true", help="believe unsigned ones")
+    parser.add_argument("--rosrun", action="store_true", help="start substitutes by it: no forks")
     parser.add_argument(
         "--no-operator",
         action="store_true",
@@ -458,5 +461,6 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
+    priority.set_all(priority.HURRIES)
     handover = Handover()
     run("reconfigurator", lambda: ReconfiguratorNode(arguments, handover).spin())

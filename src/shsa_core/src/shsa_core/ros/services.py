@@ -1,5 +1,6 @@
 """The reconfigurator's ROS services and its action, for people and programs."""
 import queue
+import time
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
 from typing import Any, Callable
@@ -15,6 +16,7 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
+from shsa_core.ros.rospy_patches.callers import charge_also
 from shsa_core.ros.rospy_patches.subscribing import bound_messages, subscribe
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -65,16 +67,22 @@ class Services:
         answer: "Future[Any]" = Future()
 
         def work() -> None:
+            began = time.thread_time()
             try:
-                answer.set_result(question())
+                found = question()
             except ShsaError as error:
-                answer.set_exception(error)
+                found = error
+            answer.set_result((found, time.thread_time() - began))
 
         self._enqueue(work)
         try:
-            return answer.result(timeout=settings.ANSWER_S)
+            found, spent = answer.result(timeout=settings.ANSWER_S)
         except Late as error:
             raise ShsaError(f"no answer within {settings.ANSWER_S:g} s") from error
+        charge_also(spent)
+        if isinstance(found, ShsaError):
+            raise found
+        return found
 
     def _needed(self, name: str) -> Service:
         """Return the needed service of a name or topic. Raises ShsaError."""

@@ -70,7 +70,7 @@ MOST_API_CONNECTIONS = 200
 LARGEST_CALL_B = 1 << 16
 """Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
 is refused too: the SOM is looked at all the same."""
-CALLER_SHARE, CALLER_CREDIT_S = 0.05, 0.5
+CALLER_SHARE, CALLER_CREDIT_S = 0.02, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
@@ -80,10 +80,8 @@ TICK_S = 0.05
 """Between two looks for silent processes, here and on other computers."""
 HEARTBEAT_S = 0.1
 """Between two signs of life, of a process and of an agent."""
-SILENT_BEATS = 3
-"""A takeover does not wait for a process that gave no sign of life for so many heartbeats."""
 HUNG_BEATS = 15
-"""The same of a substitute that is ended."""
+"""A substitute that gave no sign of life for so many heartbeats is ended."""
 STARVED_S = 15.0
 """A process that waits for a processor may be silent for so long: then another one is needed."""
 HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}

@@ -1,7 +1,7 @@
 """Starts a substitute from its command line: three strings, or none for an idle one."""
 import os
 import sys
-from typing import Tuple
+from typing import Optional, Tuple
 
 import rospy
 
@@ -41,7 +41,7 @@ def _by_reconfigurator(inputs: Paths, code: str, outputs: Paths, text: str) -> S
     return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
 
 
-def _spin(row: Substitution, lowered: bool = False) -> None:
+def _spin(row: Substitution, rests: Optional[int] = None) -> None:
     path, journal = os.environ.get(JOURNAL, ""), None
     if path:
         from shsa_core.journal.writer import JournalWriter  # not for those without: it takes long
@@ -49,7 +49,7 @@ def _spin(row: Substitution, lowered: bool = False) -> None:
         journal = JournalWriter(
             path, "sharing" if row.shared else "substitution", {}, rospy.logwarn
         )
-    SubstituteNode(row, journal, lowered).spin()
+    SubstituteNode(row, journal, rests).spin()
 
 
 def main() -> None:
@@ -62,15 +62,11 @@ def main() -> None:
         raise SystemExit(USAGE)
     strings = _paths(arguments[0]), arguments[1], _paths(arguments[2])
     text = os.environ.get(VARIABLE)
-
-    def work() -> None:
-        if text is None:
-            row = _by_hand(*strings)
-        else:
-            row = _by_reconfigurator(*strings, text)
-        _spin(row)
-
-    run("substitute", work)
+    if text is None:
+        run("substitute", lambda: _spin(_by_hand(*strings)))
+    else:
+        row = lambda: _by_reconfigurator(*strings, text)
+        run("substitute", lambda: _spin(row(), priority.USUAL))
 
 
 def standby() -> None:
@@ -79,10 +75,6 @@ def standby() -> None:
     With `--shared`, by its rows: it holds several.
     """
     shared = SHARED in rospy.myargv(sys.argv)[1:]
-    lowered = priority.lower()
-
-    def work() -> None:
-        row = Substitution(rospy.get_name(), "", (), "", (), shared=shared)
-        _spin(row, lowered)
-
-    run("standby", work)
+    priority.set_all(priority.STANDS_BY)
+    row = lambda: Substitution(rospy.get_name(), "", (), "", (), shared=shared)
+    run("standby", lambda: _spin(row(), priority.STANDS_BY))

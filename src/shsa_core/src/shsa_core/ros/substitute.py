@@ -36,14 +36,14 @@ class SubstituteNode:
 
     One thread handles events in order, and publishes. What waits for the master or for another node
     has threads of its own: a takeover needs neither. Without the secret of healing, as one that was
-    started by hand, it takes no commands. `lowered`: its priority is, until what it does matters.
+    started by hand, it takes no commands. `rests`: its priority while what it does does not matter.
     """
 
     def __init__(
         self,
         row: Substitution,
         journal: Optional["JournalWriter"] = None,
-        lowered: bool = False,
+        rests: Optional[int] = None,
     ) -> None:
         self._clock = clock.RobotClock()
         self._name = row.node
@@ -57,10 +57,14 @@ class SubstituteNode:
         )
         handle = self._core.handle
         self._journal, self._answer = journal, journal.recorded(handle) if journal else handle
-        self._inputs = Inputs(row.node, self._clock, lowered)
+        self._inputs = Inputs(row.node, self._clock, rests)
         self._inputs.read(signal.topic for signal in row.inputs)
+        put = self._inputs.put
         self._heart = Heart(hearer(os.environ.get(HOST, "")))
-        self._outputs = Outputs(self._advertised, self._joined)
+        self._outputs = Outputs(
+            lambda topic: put(events.Advertised(self._clock.now(), topic)),
+            lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
+        )
         self._registrations = Workers("registrations")
         self._telling = Workers("telling")
         self._calls = Workers("calls")
@@ -70,9 +74,15 @@ class SubstituteNode:
             events.Command,
             {
                 events.Listen: self._listen,
-                events.Overhear: self._overhear,
-                events.Advertise: self._advertise,
-                events.Withdraw: self._withdraw,
+                events.Overhear: lambda c: self._register(
+                    lambda: self._inputs.overhear(c.topic, c.type)
+                ),
+                events.Advertise: lambda c: self._register(
+                    lambda: self._outputs.advertise(c.topic, c.type, c.latched)
+                ),
+                events.Withdraw: lambda c: self._registrations.put(
+                    lambda: self._outputs.withdraw(c.topics)
+                ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: self._announce,
@@ -81,7 +91,7 @@ class SubstituteNode:
                 events.LookAtOthers: self._look_at_others,
                 events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
-                events.Log: self._log,
+                events.Log: lambda c: LOG[c.level]("%s: %s", self._name, c.text),
             },
         )
 
@@ -136,24 +146,16 @@ class SubstituteNode:
                     self._hurry.set()
             self._inputs.put(event)
 
-    def _advertised(self, topic: str) -> None:
-        self._inputs.put(events.Advertised(self._clock.now(), topic))
-
-    def _joined(self, topic: str, consumer: str) -> None:
-        self._inputs.put(events.ConsumerJoined(self._clock.now(), topic, consumer))
-
     # Commands.
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
             self._register(functools.partial(self._inputs.listen, signal))
 
-    def _overhear(self, command: events.Overhear) -> None:
-        self._register(lambda: self._inputs.overhear(command.topic, command.type))
-
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        self._inputs.put(events.OthersStand(self._clock.now(), look, stands))
+        alone = not self._heart.beat(at_once=True)
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
@@ -161,20 +163,12 @@ class SubstituteNode:
             command = replace(command, last_message=heard)
         self._outputs.compose(command)
 
-    def _advertise(self, command: events.Advertise) -> None:
-        self._register(
-            lambda: self._outputs.advertise(command.topic, command.type, command.latched)
-        )
-
     def _register(self, call: Callable[[], None]) -> None:
         """Make a call to the master; who is in no hurry makes room for others after it."""
         self._registrations.put(call)
         if self._rows.idle or self._row.shared:
             pause = settings.TURN_S if self._row.shared else settings.PAUSE_S
             self._registrations.put(lambda: self._hurry.wait(pause))
-
-    def _withdraw(self, command: events.Withdraw) -> None:
-        self._registrations.put(lambda: self._outputs.withdraw(command.topics))
 
     def _publish(self, command: events.Publish) -> None:
         try:
@@ -236,6 +230,3 @@ class SubstituteNode:
 
     def _give_up(self, command: events.GiveUp) -> None:
         raise ShsaError(command.reason)
-
-    def _log(self, command: events.Log) -> None:
-        LOG[command.level]("%s: %s", self._name, command.text)

@@ -154,10 +154,11 @@ class LookAtOthers:
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: whether the connection stands."""
+    """The answer to a look: whether the connection stands; `alone`: there is no reconfigurator."""
 
     look: LookAtOthers
     stands: bool
+    alone: bool = False
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,7 @@ class Substitute:
         if job is None or self._refused is not None:
             return []
         overheard = self._speech.voice is Voice.FILLS_IN
-        message = b"" if last is None else row.last_message
+        message = row.template if last is None else row.last_message
         compose = events.Compose(
             job.topic, job.outputs[0].type, job.written, row.others, message, overheard
         )

@@ -2,7 +2,7 @@
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
 told at once, and tells a node that died from one that was stopped on purpose. Until its word comes,
-the substitute fills in for a node that is gone.
+or where there is none, the substitute fills in for a node that is gone.
 """
 import math
 from typing import Callable, List, Optional, Tuple
@@ -10,7 +10,7 @@ from typing import Callable, List, Optional, Tuple
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
-from shsa_core.substitution.settings import LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, QUICK_S, STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
@@ -39,19 +39,21 @@ class OtherPublishers:
         self._read = sources()  # when they were heard
         self._awaited: Optional[LookAtOthers] = None
         self._look = math.inf
+        self._alone = 0  # looks for which it goes on without a reconfigurator
 
     def follow(self, row: Substitution, topic: str, may_bridge: bool) -> None:
         """Follow another row; `topic`: that of the program, which may fill in or not."""
         bridge = row.bridge if may_bridge and not row.publishing and topic in row.topics else 0.0
         self.heals = row.on_partition is OnPartition.HEAL and topic != ""
-        listened = topic if self.heals or bridge else ""
+        listens = self.heals or row.yields
+        listened = topic if listens or bridge else ""
         if not bridge or not self.bridge or listened != self.topic:
             self.forget()
         if listened != self.topic:
             self.topic, self.heard, self._since = listened, Heard.NOBODY, self._watch.now
-        if self.heard is Heard.RIVAL and not (self.heals and row.publishing is self._publishing):
+        if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
-        deadline = row.outputs[0].deadline if row.outputs and self.heals else None
+        deadline = row.outputs[0].deadline if row.outputs and listens else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
 
@@ -80,13 +82,13 @@ class OtherPublishers:
         """Somebody else has published."""
         if not self.topic or event.topic != self.topic:
             return
-        rival = self._cut or self._yields or self.heard is Heard.RIVAL
-        self.heard = Heard.RIVAL if rival and self.heals else Heard.ANOTHER
+        rival = self._yields or self.heals and (self._cut or self.heard is Heard.RIVAL)
+        self.heard = Heard.RIVAL if rival else Heard.ANOTHER
         if self._steady < STEADY:
             late = self._watch.passed(self._since) >= self.bridge
             self._steady = 0 if late else self._steady + 1
         self.last, self._since, self._read = event, self._watch.now, self._sources()
-        self.original, self._awaited = Original.SPEAKS, None
+        self.original, self._awaited, self._alone = Original.SPEAKS, None, 0
 
     def gone(self, event: OtherGone) -> None:
         """The node of somebody else is gone: nobody has to wait for its silence."""
@@ -100,9 +102,10 @@ class OtherPublishers:
         if event.look != self._awaited:
             return
         quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
+        self._alone = ALONE_LOOKS if event.alone else self._alone - 1
         if event.stands:
             self._judge(Original.HANGS, event.time)
-        elif self.original is Original.HANGS or quick:
+        elif self.original is Original.HANGS or quick or self._alone > 0:
             self._judge(Original.ENDED, event.time)
         else:
             self._leave()

@@ -6,10 +6,8 @@ from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple
 
 from shsa_learning.incident_log import read_log
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import add_namespace, read_models, say
 from shsa_core.errors import ModelError
-from shsa_core.files.ontology_file import read_ontology
-from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -69,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     models = None
     if args.som is not None:
-        models = read_ontology(args.ontology), read_som(args.som, args.namespace)
+        models = read_models(args)
     if len(incidents) > MOST_PAGES:
         say(f"Note: only the newest {MOST_PAGES} of {len(incidents)} are written", error=True)
         incidents = incidents[-MOST_PAGES:]

@@ -5,16 +5,20 @@ import json
 import os
 import tempfile
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any, Dict, List, Tuple
+from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
+from shsa_core import message_types
 from shsa_core.cli._common import say
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som, read_tree
+from shsa_core.model.conventions import with_unknowns
+from shsa_core.model.ontology import Ontology, Property
 from shsa_learning.cli._common import whole_number
 from shsa_learning.init.again import drafted_path, widen
 from shsa_learning.init.draft import UNLISTED, Draft, Listed, draft
+from shsa_learning.init.prospects import obstacles
 from shsa_learning.init.survey import Survey
 
 if TYPE_CHECKING:
@@ -86,9 +90,23 @@ def run(args: argparse.Namespace) -> int:
         _tell(made, args)
         for outcome in outcomes:
             say(_told(outcome))
+        for line in _obstacles(made, args.ontology):
+            say(line)
     else:
         say(made.som.rstrip("\n"))
+        for line in _obstacles(made, None):
+            say(f"# {line}")
     return DONE if made.services else NOTHING
+
+
+def _obstacles(made: Draft, ontology: Optional[str]) -> List[str]:
+    """Return why nothing can be healed by the drafts; `ontology`: the file, as it was completed."""
+    som, _ = read_tree(parse_yaml(made.som, "the draft"))
+    som = with_unknowns(som, message_types.layout)
+    if ontology is not None:
+        return obstacles(read_ontology(ontology), som)
+    names = sorted({source.property for source in som.sources})
+    return obstacles(Ontology({name: Property(name) for name in names}, {}, ()), som)
 
 
 def _again(args: argparse.Namespace) -> int:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from shsa_learning.learn.learner import Learned
     from shsa_learning.learn.rows import Data
 
-BAR = "{desc}: {percentage:3.0f} %|{bar}| {elapsed}"
-MODELS = ("auto", "linear", "polynomial", "svr", "mlp")
+BAR = "{desc}: {percentage:3.0f} %|{bar}| {elapsed}, {remaining} left"
+QUIET: Dict[str, Any] = {"leave": False, "disable": None}
+MODELS = ("auto", "terms", "linear", "polynomial", "svr", "mlp")
 
 
 def add_parser(subparsers: Any) -> None:
@@ -38,7 +39,8 @@ def add_parser(subparsers: Any) -> None:
         metavar="FILE",
         nargs="+",
         required=True,
-        help="rosbags (with --som), and CSV files: one a source, the first column is the time in s",
+        help="rosbags (with --som), CSV files (one a source, the first column is the time in s), "
+        "and folders of these",
     )
     parser.add_argument("--som", metavar="FILE", help="the service-to-ontology mapping")
     add_namespace(parser)
@@ -51,6 +53,9 @@ def add_parser(subparsers: Any) -> None:
         help="the inputs (whatever may be one)",
     )
     parser.add_argument("--model", choices=MODELS, default="auto", help="its form (auto)")
+    parser.add_argument(
+        "--terms", type=whole_number(1), default=5, help="the most terms of a short model (5)"
+    )
     parser.add_argument("--seed", type=whole_number(0), default=0, help="of what is drawn (0)")
     parser.add_argument(
         "--ontology", metavar="FILE", help="its relations compete; with --write it gets the new one"
@@ -74,19 +79,21 @@ def run(args: argparse.Namespace) -> int:
     # What fits and what reads bags takes a second to load, which no other command should wait for.
     from tqdm import tqdm
 
-    from shsa_learning.learn.evaluation import laws
+    from shsa_learning.learn.evaluation import knowledge, laws
     from shsa_learning.learn.learner import learn
     from shsa_learning.learn.relation import relation_of, with_relation
     from shsa_learning.learn.rows import gather
-    from shsa_learning.recordings.data import read
+    from shsa_learning.recordings.data import files, read
 
     if args.write and not args.ontology:
         raise ModelError("--write", "needs --ontology, the file that gets the relation")
     before, ontology = _ontology(args)
     som = read_som(args.som, args.namespace) if args.som else None
-    recordings = read(args.data, som, ontology if before else None)
+    size = sum(os.path.getsize(path) for path in files(args.data) if os.path.isfile(path))
+    with tqdm(total=size, desc="reading", unit="B", unit_scale=True, **QUIET) as bar:
+        recordings = read(args.data, som, ontology if before else None, bar.update)
     data = gather(recordings, args.property, args.inputs, som)
-    with tqdm(total=1.0, desc="learning", leave=False, disable=None, bar_format=BAR) as bar:
+    with tqdm(total=1.0, desc="learning", bar_format=BAR, **QUIET) as bar:
         learned = learn(
             data,
             args.model,
@@ -94,14 +101,16 @@ def run(args: argparse.Namespace) -> int:
             laws(ontology, data.table),
             _provenance(args, data),
             bar.update,
+            args.terms,
+            knowledge(ontology, data.table),
         )
-    relation = relation_of(learned, data.table) if learned.accepted else None
+    relation = relation_of(learned) if learned.accepted else None
     answer = document(learned)
     if args.report:
         from shsa_learning.cli._learn_page import page
 
         with open(args.report, "w", encoding="utf-8") as stream:
-            stream.write(page(learned, summary(learned, data)))
+            stream.write(page(learned, data.outliers, data.notes))
     if args.json:
         print(json.dumps(answer, indent=2))
     else:
@@ -148,6 +157,7 @@ def document(learned: "Learned") -> Dict[str, Any]:
         "function": model.function if model else None,
         "constraint": model.constraint if model else None,
         "inputs": list(model.inputs) if model else [],
+        "terms": [part._asdict() for part in model.parts] if model else [],
         "rms": error.rms if error else None,
         "nrmse": error.rms / span if error else None,
         "bias": error.bias if error else None,
@@ -157,6 +167,8 @@ def document(learned: "Learned") -> Dict[str, Any]:
         "worst_block_nrmse": learned.worst / span if error else None,
         "blocks": learned.blocks,
         "reason": "; ".join(learned.reasons),
+        "left_out": dict(learned.left_out),
+        "skipped": list(learned.skipped),
     }
 
 
@@ -166,7 +178,7 @@ def summary(learned: "Learned", data: "Data") -> List[str]:
     if learned.accepted and learned.model and learned.error:
         model = learned.model
         lines += [
-            f"{learned.target} by {model.choice.recipe} from {', '.join(model.inputs)}",
+            f"{learned.target} by {model.name} from {', '.join(model.inputs)}",
             f"function    {model.function}",
             f"constraint  {model.constraint}",
         ]
@@ -176,6 +188,7 @@ def summary(learned: "Learned", data: "Data") -> List[str]:
     if learned.model and learned.error:
         lines += _figures(learned)
     lines += [f"left out: {name}: {why}" for name, why in learned.left_out.items()]
+    lines += [f"skipped: {failed}" for failed in learned.skipped]
     lines += [f"outliers left out: {count} of {name}" for name, count in data.outliers.items()]
     return lines + [f"note: {note}" for note in data.notes]
 
@@ -186,7 +199,7 @@ def _figures(learned: "Learned") -> List[str]:
     assert error.baseline is not None
     rows = [
         (
-            str(rung.recipe),
+            rung.recipe.named(learned.ladder),
             f"{100.0 * rung.rms / span:.2f}",
             f"{100.0 * rung.standard_error / span:.2f}",
         )

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
-from shsa_core.analysis.loss import lose
+from shsa_learning.loss import lose
 from shsa_core.cli._common import add_models, add_without, check_property, read_models, without
 from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.prediction import predictor

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import FrozenSet, List, Optional, Set, Tuple
 
-from shsa_core.analysis.loss import DeadBranch, Loss, dead_branches
+from shsa_learning.loss import DeadBranch, Loss, dead_branches
 from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.plans import plan_service, program_of
 from shsa_core.codegen.prediction import predictor

@@ -16,7 +16,7 @@ from shsa_core.model.field_type import WHOLE
 from shsa_core.text import shown
 from shsa_learning.init.meanings import SLIDES
 from shsa_learning.init.naming import property_name, service_names
-from shsa_learning.init.survey import Facts, Field, Publisher, Refused, Survey
+from shsa_learning.init.survey import LOGS, Facts, Field, Publisher, Refused, Survey
 
 UNKNOWN_NODE = "/unknown"
 """Stands for the node of what a recording does not tell of. All that it provides fails together."""
@@ -87,7 +87,7 @@ def draft(
     survey: Survey, source: str, notes: Sequence[str] = (), listed: Listed = UNLISTED
 ) -> Draft:
     """Draft both files; `source`: what the survey was made from; `notes`: more to be told."""
-    refused = list(survey.refused)
+    refused = [each for each in survey.refused if each.topic not in LOGS]
     names = service_names([facts.publisher for facts in survey.facts])
     entries: List[_Entry] = []
     used: Set[str] = set()

@@ -80,7 +80,7 @@ def _alternatives(
                 inputs = ", ".join(chosen)
                 yield Outcome(name, None, f"from {inputs}: {'; '.join(learned.reasons)}")
                 continue
-            relation = relation_of(learned, data.table)
+            relation = relation_of(learned)
         except ShsaError as error:
             yield Outcome(name, None, str(error))
             return

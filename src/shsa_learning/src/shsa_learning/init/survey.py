@@ -206,9 +206,9 @@ def nice(period: float) -> float:
 _NAME = re.compile(r"(/[A-Za-z0-9_]+)+", re.ASCII)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 255
+LOGS = ("/rosout", "/rosout_agg")
 _OF_ROS = {
-    "/rosout": "lines of the log",
-    "/rosout_agg": "lines of the log",
+    **dict.fromkeys(LOGS, "lines of the log"),
     "/clock": "the simulated time: healing goes by it, and heals none",
     "/diagnostics": "for display: no decision should read it",
     "/diagnostics_agg": "for display: no decision should read it",

@@ -1,20 +1,19 @@
 """Relations evaluated on rows by the very code that a substitute runs"""
 import math
 from itertools import repeat
-from typing import Iterable, Mapping, NamedTuple, Sequence, Tuple
+from typing import Iterable, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.errors import ModelError
+from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.ontology import Constant, Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
 from shsa_learning.learn.table import Table
 
-AGREEMENT = 1e-9  # of the largest value, or of 1
 LEARNED = "learned_"
 """The prefix of the names of learned relations."""
 
@@ -30,11 +29,25 @@ def evaluate(
     `inputs` by property; others than the relation's are not looked at. Raises GenerationError if
     there is no code for it.
     """
-    sources = {name: _source(name) for name in function.inputs}
-    given = tuple(Derivation(name, source, None) for name, source in sources.items())
-    root = Derivation(function.output, None, function, given)
+    return evaluate_all([function], constants, time, inputs)[0]
+
+
+def evaluate_all(
+    functions: Sequence[TransferFunction],
+    constants: Mapping[str, Constant],
+    time: np.ndarray,
+    inputs: Mapping[str, np.ndarray],
+) -> np.ndarray:
+    """Run relations in one program: a row for each of them, NaN wherever one has no output."""
+    used = dict.fromkeys(name for function in functions for name in function.inputs)
+    sources = {name: _source(name) for name in used}
+    given = {name: Derivation(name, source, None) for name, source in sources.items()}
+    roots = [
+        Derivation(each.output, None, each, tuple(given[name] for name in each.inputs))
+        for each in functions
+    ]
     columns = {source.path: inputs[name] for name, source in sources.items()}
-    return evaluate_derivation(root, constants, time, columns)
+    return _run(roots, constants, time, columns)
 
 
 def evaluate_derivation(
@@ -47,34 +60,23 @@ def evaluate_derivation(
 
     `columns` by topic and field. Raises GenerationError if there is no code for it.
     """
-    program = generate([(derivation, "/result/x")], constants)
-    step = compile_program(program.code, len(program.inputs), 1).step
+    return _run([derivation], constants, time, columns)[0]
+
+
+def _run(
+    derivations: Sequence[Derivation],
+    constants: Mapping[str, Constant],
+    time: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+) -> np.ndarray:
+    outputs = [(each, f"/result/x{number}") for number, each in enumerate(derivations)]
+    program = generate(outputs, constants)
+    step = compile_program(program.code, len(program.inputs), len(outputs)).step
     read = [columns[path].tolist() for path in program.inputs]
     rows: Iterable[Sequence[float]] = zip(*read) if read else repeat(())
-    results = (step(row, now) for row, now in zip(rows, time.tolist()))
-    return np.array([math.nan if result is None else result[0] for result in results])
-
-
-def check_agreement(
-    function: TransferFunction,
-    constants: Mapping[str, Constant],
-    table: Table,
-    fitted: np.ndarray,
-) -> float:
-    """Return the largest difference of the generated code and the fitted model on these rows.
-
-    Raises ModelError if that is more than AGREEMENT.
-    """
-    generated = evaluate(function, constants, table.time, table.inputs)
-    both = np.isfinite(generated) & np.isfinite(fitted)
-    where = f"the relation {function.relation}"
-    if not both.any():
-        raise ModelError(where, "its generated code gives no value on the data it was fitted to")
-    off = np.abs(generated[both] - fitted[both])
-    worst = float(np.max(off / np.maximum(np.abs(fitted[both]), 1.0)))
-    if not worst <= AGREEMENT:
-        raise ModelError(where, f"its generated code is off the fitted model by {worst:.2g}")
-    return worst
+    none = (math.nan,) * len(outputs)
+    results = [step(row, now) or none for row, now in zip(rows, time.tolist())]
+    return np.array(results, dtype=float).reshape(-1, len(outputs)).T
 
 
 class Known(NamedTuple):
@@ -100,6 +102,35 @@ def laws(ontology: Ontology, table: Table) -> Mapping[str, Known]:
         and not function.relation.startswith(LEARNED)
         and set(function.inputs) <= set(table.names)
     }
+
+
+class Knowledge(NamedTuple):
+    """The units of inputs (None: not known), and laws over them as expressions."""
+
+    units: Mapping[str, Optional[Unit]] = {}
+    laws: Tuple[str, ...] = ()
+
+
+def knowledge(ontology: Ontology, table: Table) -> Knowledge:
+    """Return what an ontology knows of the inputs of a table: its laws of one expression are terms.
+
+    Whatever such a law yields, a target may be made of it.
+    """
+    units = {
+        name: parse_unit(ontology.properties[name].unit)
+        for name in table.names
+        if name in ontology.properties
+    }
+    values = {name: repr(constant.value) for name, constant in ontology.constants.items()}
+    terms = []
+    for function in ontology.functions:
+        law = function.law
+        if law is None or law.steps or not function.inputs or function.output == table.name:
+            continue
+        if set(function.inputs) <= set(table.names):
+            names = {name: values.get(name, name) for name in law.names}
+            terms.append(f"({law.result.code(names)})")
+    return Knowledge(units, tuple(terms))
 
 
 def _source(name: str) -> Source:

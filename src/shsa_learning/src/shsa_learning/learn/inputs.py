@@ -4,6 +4,7 @@ What knows the target by another way than the world would be right on every reco
 wrong with the target. What the target itself is computed from is no such leak: it is measured
 without the target, so a relation from it is a true one.
 """
+import re
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -66,11 +67,12 @@ def offer(
     for series in inputs:
         if service is not None and series.service in service.upstream:
             notes.append(f"{target.property} is computed from {series}: that is what is learned")
-        if _one_source(series, target):
-            notes.append(
-                f"{series.property} and {target.property} are of one file, {target.source}: they "
-                "must be of nodes that do not fail together"
-            )
+    beside = [series.property for series in inputs if _one_source(series, target)]
+    if beside:
+        notes.append(
+            f"{', '.join(beside)} and {target.property} are of one file, {target.source}: they "
+            "must be of nodes that do not fail together"
+        )
     return Offer(target, tuple(inputs), tuple(left_out), tuple(notes))
 
 
@@ -100,7 +102,33 @@ def _why_not(series: Series, target: Series, som: Som, asked: Sequence[str]) -> 
         if own.name in other.upstream:
             return f"it is derived from the target: {other.name} is computed from {own.name}"
     same = duplicate(target, series)
-    return f"it is a duplicate: {same}" if same is not None else ""
+    if same is not None:
+        return f"it is a duplicate: {same}"
+    return "" if series.property in asked else _of_this_drive_alone(series)
+
+
+_WORDS = re.compile("[a-z]+|[0-9]+")
+_PLACES = frozenset("yaw heading latitude longitude altitude lat lon alt northing easting".split())
+_TIMES = frozenset("time stamp timestamp seq sequence counter".split())
+_CHANGES = frozenset("rate velocity speed vel error".split())
+_FIELD_OF_PLACE = re.compile(
+    r"/yaw\(|/(position|translation|point)/[xyz]\Z|/(latitude|longitude|altitude|theta)\Z"
+)
+
+
+def _of_this_drive_alone(series: Series) -> str:
+    """Return why a relation from a series would hold in its own recording and nowhere else."""
+    words = set(_WORDS.findall(series.property.lower()))
+    axis = words & set("xyz")
+    named = words & _PLACES or axis and words <= {*"xyz", "pos", "position", "pose", "odom"}
+    if (named and not words & _CHANGES) or _FIELD_OF_PLACE.search(series.source):
+        return "it is an absolute place or heading; --from takes it all the same"
+    values = series.values[np.isfinite(series.values)]
+    steps = np.diff(values)
+    grows = len(np.unique(values)) >= LEAST_DISTINCT and (np.all(steps >= 0) or np.all(steps <= 0))
+    if words & _TIMES or grows:
+        return "it is a time or a counter, which only goes one way; --from takes it all the same"
+    return ""
 
 
 LEAST_SAMPLES = 20

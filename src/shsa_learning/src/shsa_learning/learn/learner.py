@@ -1,71 +1,39 @@
 """Learns a relation from rows: chosen, tested on what it has not seen, and refused or accepted"""
 import math
 from dataclasses import dataclass
-from typing import Callable, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from shsa_core.errors import ExpressionError
 from shsa_core.model.error import Error
 from shsa_learning.figures import error_of, rms
 from shsa_learning.learn import refusal
-from shsa_learning.learn.delays import DELAYS_S, FILTERS_S, Columns, Lag, lagged
-from shsa_learning.learn.evaluation import Known
-from shsa_learning.learn.formula import Formula, Terms
-from shsa_learning.learn.models import DIVIDED, LAW, LINEAR, PRODUCTS, Recipe, fit, ladder
+from shsa_learning.learn.delays import DELAYS_S, FILTERS_S, Lag
+from shsa_learning.learn.evaluation import Knowledge, Known
+from shsa_learning.learn.features import Features, function_of
+from shsa_learning.learn.fitting import Model, model_of
+from shsa_learning.learn.models import LAW, TERMS, Recipe, fit, ladder
 from shsa_learning.learn.rows import Data
+from shsa_learning.learn.screening import screened
 from shsa_learning.learn.selection import (
+    FAILURES,
     Candidates,
-    Choice,
     CrossValidation,
-    errors_of,
     cross_validate,
+    errors_of,
 )
+from shsa_learning.learn.short import MOST_TERMS, ShortModels
 from shsa_learning.learn.table import Table
-from shsa_learning.learn.written import constraint, law_of, rounded
+from shsa_learning.learn.written import law_of, rounded
 
 
 MOST_DELAY_S = 0.5
-COEFFICIENTS_MEAN_SOMETHING = (LINEAR, PRODUCTS, DIVIDED)
-
-
-@dataclass(frozen=True)
-class Model:
-    """A model: the choice, what it may read (`names`), its text, and where it holds.
-
-    `formula`: fitted to all rows; its inputs are `names`. None: it is the `law`, as it stands.
-    """
-
-    choice: Choice
-    names: Tuple[str, ...]
-    function: str
-    constraint: str
-    formula: Optional[Formula]
-    law: Optional[Known] = None
-
-    @property
-    def inputs(self) -> Tuple[str, ...]:
-        """The properties that it reads."""
-        if self.formula is None:
-            return self.names
-        return tuple(self.names[number] for number in self.formula.used)
-
-    def predict(self, table: Table) -> np.ndarray:
-        """Predict the target of each row of the table; NaN where that is not possible.
-
-        A law says it of the rows that it was learned from alone.
-        """
-        if self.formula is None:
-            assert self.law is not None
-            return self.law.said
-        lags = zip(self.names, self.choice.lags)
-        columns = [lagged(table.time, table.inputs[name], lag) for name, lag in lags]
-        matrix = np.array(columns).T
-        known = np.isfinite(matrix).all(axis=1)
-        result = np.full(len(table.time), np.nan)
-        if known.any():
-            result[known] = self.formula.predict(matrix[known])
-        return result
+MOST_LADDER_INPUTS = 8
+"""Of the ladder beside short models: the inputs of the terms that tell most."""
+FEW_ROWS = 300
+"""They do for the length of a model's text."""
+ROWS_AN_INPUT = 30
+"""Fewer rows bear no further input of the ladder."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +42,8 @@ class Learned:
 
     `error` in the unit of the property; `span`: of the target, largest minus smallest value;
     `worst`: the RMS error in the worst block. `columns`, `validation`: the data and predictions,
-    for pictures. `left_out`: inputs, and why. The rest is None where the data alone is refused.
+    for pictures. `left_out`: inputs, and why; `skipped`: models that failed; `ladder`: the inputs
+    of models that are not short. The rest is None where the data alone is refused.
     """
 
     target: str
@@ -85,8 +54,10 @@ class Learned:
     span: float = math.nan
     worst: float = math.nan
     blocks: int = 0
-    columns: Optional[Columns] = None
+    columns: Optional[Features] = None
     validation: Optional[CrossValidation] = None
+    skipped: Tuple[str, ...] = ()
+    ladder: Tuple[str, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -101,39 +72,59 @@ def learn(
     laws: Optional[Mapping[str, Known]] = None,
     source: str = "",
     step: Callable[[float], object] = lambda share: None,
+    terms: int = MOST_TERMS,
+    known: Knowledge = Knowledge(),
 ) -> Learned:
     """Learns the target of the rows from their inputs.
 
     `choice`: the rungs of the ladder, as in `models.CHOICES`; `laws`: what laws with known numbers
     say of each row; `source`: where the data is from, in words; `step` is told each share of the
-    work that is done.
+    work that is done; `terms`: the most of a short model; `known`: units, and laws as terms.
     """
     table, left_out = data.table, dict(data.left_out)
-    reasons = list(data.suspicious)
-    if table.names:
-        reasons += refusal.of_data(table, data.outliers, data.computed_from)
-    else:
+    target = table.of(())
+    reasons = [*data.suspicious, *refusal.of_target(target, data.outliers.get(table.name, 0))]
+    if not reasons:
+        left = screened(table, data.outliers, data.computed_from, data.asked)
+        table = left.table
+        left_out.update(left.left_out)
+        reasons += left.against
+    if not reasons and not table.names:
         why = "; ".join(f"{name}: {why}" for name, why in left_out.items()) or "no other series"
         reasons.append(f"there is nothing to learn {table.name} from ({why})")
     if reasons:
         return Learned(table.name, tuple(reasons), left_out)
-    same = refusal.duplicates(table)
-    left_out.update({name: f"it says the same as {other}" for name, other in same.items()})
-    table = table.of(tuple(name for name in table.names if name not in same))
-    learner = _Learner(table, choice, seed, laws or {})
+    learner = _Learner(table, choice, seed, laws or {}, terms, known)
     return learner.run(left_out, data.computed_from, source, step)
 
 
 class _Learner:
     """Learns from the rows of a table."""
 
-    def __init__(self, table: Table, choice: str, seed: int, laws: Mapping[str, Known]) -> None:
+    def __init__(
+        self,
+        table: Table,
+        choice: str,
+        seed: int,
+        laws: Mapping[str, Known],
+        terms: int,
+        known: Knowledge,
+    ) -> None:
         self._table, self._seed, self._laws = table, seed, laws
-        self._columns = Columns(table, table.rows())
-        self._plain = self._columns.matrix((Lag(),) * len(table.names))
-        recipes = [each for each in ladder(choice, self._plain) if self._writable(each)]
-        said = {name: law.said[self._columns.rows] for name, law in laws.items()}
-        self._candidates = Candidates(self._columns, recipes, said, seed)
+        features = Features(table)
+        short = ShortModels(features, known, table.period) if choice in ("auto", TERMS) else None
+        names = table.names
+        if short is not None:
+            names = self._telling(short, features)
+        self._ladder = Features(table.of(names), features.rows)
+        plain = self._ladder.matrix(names)
+        recipes = ladder(choice, plain, terms)
+        said = {name: law.said[features.rows] for name, law in laws.items()}
+        self._candidates = Candidates(features, short, self._ladder, recipes, said, seed)
+        for recipe in recipes:
+            why = self._unwritable(recipe, plain) if recipe.rung != TERMS else ""
+            if why:
+                self._candidates.skip(recipe, why)
 
     def run(
         self,
@@ -143,65 +134,67 @@ class _Learner:
         step: Callable[[float], object],
     ) -> Learned:
         """Return the outcome, told by what was predicted without having been seen."""
-        columns, table = self._columns, self._table
-        validation = cross_validate(self._candidates, step)
-        choice = self._candidates.choose(np.arange(len(columns.rows)))
-        step(1.0 / (len(validation.choices) + 1))
-        off = validation.predicted - columns.target
+        candidates, table = self._candidates, self._table
+        choice = candidates.choose(np.arange(len(candidates.features.rows)))
+        step(0.2)
+        candidates.keep_as_simple_as(choice.recipe)
+        validation = cross_validate(candidates, lambda share: step(0.8 * share))
+        target = candidates.features.target
+        off = validation.predicted - target
         told = np.isfinite(off)
         off, block = off[told], validation.block[told]
-        mean_off = (validation.mean - columns.target)[told]
-        model, reasons = self._model(choice, rms(off), validation.block)
-        errors = errors_of(self._candidates, choice, self._seed)
+        try:
+            names = tuple(self._ladder.names)
+            model = model_of(choice, table, names, self._laws, rms(off), self._seed)
+        except FAILURES as error:
+            candidates.skip(choice.recipe, str(error))
+            return self.run(left_out, computed_from, source, step)
+        errors = errors_of(candidates, choice, self._seed)
+        mean_off = (validation.mean - target)[told]
         said = model.predict(table)
         delay = delay_of(said, table.target, table.period)
-        error = error_of(off, rms(mean_off), delay, source)
+        reasons = list(model.flips)
         if choice.recipe.rung != LAW and not set(model.inputs) & set(computed_from):
             both = np.isfinite(said) & np.isfinite(table.target)
             left = said[both] - table.target[both]
             reasons += refusal.too_perfect(table.name, model.inputs, left, table.target[both])
         return Learned(
             table.name,
-            (*refusal.of_model(off, mean_off, block, columns.target[told], errors), *reasons),
+            (*refusal.of_model(off, mean_off, block, target[told], errors), *reasons),
             left_out,
             model,
-            error,
-            float(np.ptp(columns.target)),
+            error_of(off, rms(mean_off), delay, source),
+            float(np.ptp(target)),
             refusal.worst_block(off, block),
             len(validation.choices),
-            columns,
+            candidates.features,
             validation,
+            tuple(f"{recipe}: {why}" for recipe, why in candidates.failed.items()),
+            tuple(self._ladder.names),
         )
 
-    def _model(self, choice: Choice, off: float, block: np.ndarray) -> Tuple[Model, List[str]]:
-        """Fit the choice to all rows; return also why its coefficients should not be used."""
-        if choice.recipe.rung == LAW:
-            known = self._laws[choice.recipe.law]
-            return Model(choice, known.function.inputs, known.function.text, "", None, known), []
-        matrix, target = self._columns.matrix(choice.lags), self._columns.target
-        usable = np.isfinite(matrix).all(axis=1)
-        fitted = fit(choice.recipe, matrix[usable], target[usable], self._seed)
-        formula = rounded(fitted, matrix[usable], off)
-        names = self._table.names
-        rows = self._columns.rows
-        seen = {names[k]: self._table.inputs[names[k]][rows] for k in formula.used}
-        text = law_of(formula, names, choice.lags).text
-        reasons = []
-        if isinstance(formula, Terms) and choice.recipe.rung in COEFFICIENTS_MEAN_SOMETHING:
-            # A filter could hide the flip of what is behind it.
-            reasons = refusal.flipping(formula, names, self._plain, target, block)
-        return Model(choice, names, text, constraint(seen), formula), reasons
+    def _telling(self, short: ShortModels, features: Features) -> Tuple[str, ...]:
+        """Return the inputs of the terms that tell most of the target, in the table's order."""
+        most = max(1, min(MOST_LADDER_INPUTS, len(features.rows) // ROWS_AN_INPUT))
+        found: Dict[str, None] = {}
+        for term in short.shortlist(np.arange(len(features.rows))):
+            inputs = function_of("", term).inputs
+            if len({*found, *inputs}) <= most:
+                found.update(dict.fromkeys(inputs))
+        return tuple(name for name in self._table.names if name in found)
 
-    def _writable(self, recipe: Recipe) -> bool:
-        """Return whether the language has room for such a model; its error plays no part."""
-        inputs = self._plain
-        formula = rounded(fit(recipe, inputs, self._columns.target, self._seed), inputs, 0.0)
+    def _unwritable(self, recipe: Recipe, inputs: np.ndarray) -> str:
+        """Return why the language has no room for such a model; its error plays no part."""
+        names = tuple(self._ladder.names)
+        some = slice(None, None, 1 + len(inputs) // FEW_ROWS)
+        inputs, target = inputs[some], self._ladder.target[some]
         longest = (Lag(DELAYS_S[-1], FILTERS_S[-1]),) * inputs.shape[1]
         try:
-            law_of(formula, self._columns.names, longest)
-        except ExpressionError:
-            return False
-        return True
+            formula = rounded(fit(recipe, inputs, target, self._seed), inputs, 0.0)
+            law_of(formula, names, longest)
+        except FAILURES as error:
+            return str(error)
+        return ""
 
 
 def delay_of(said: np.ndarray, target: np.ndarray, period: float) -> float:

@@ -25,7 +25,8 @@ from shsa_learning.learn.formula import (
     products,
 )
 
-MEAN, LAW, LINEAR, PRODUCTS, DIVIDED = "mean", "law", "linear", "products", "divided"
+MEAN, LAW, TERMS = "mean", "law", "terms"
+LINEAR, PRODUCTS, DIVIDED = "linear", "products", "divided"
 POLYNOMIAL, MLP, SVM = "polynomial", "mlp", "svr"
 
 OUTLIER = 6.0  # standard deviations of a residual
@@ -45,16 +46,28 @@ class Recipe(NamedTuple):
     divisor: int = -1
     law: str = ""
 
+    @property
+    def complexity(self) -> Tuple[int, float]:
+        """Of two that are as good the one with the lower complexity is taken."""
+        return LEVELS[self.rung], self.setting if self.rung == TERMS else 0.0
+
+    def named(self, inputs: Sequence[str]) -> str:
+        """Return it in words, for inputs of such names."""
+        return f"divided by {inputs[self.divisor]}" if self.divisor >= 0 else str(self)
+
     def __str__(self) -> str:
         if self.law:
             return f"{self.rung} {self.law}"
+        if self.rung == TERMS:
+            return "1 term" if self.setting == 1.0 else f"{self.setting:g} terms"
         if self.rung in (PRODUCTS, POLYNOMIAL, MLP):
             return f"{self.rung} {self.setting:g}"
         return self.rung
 
 
 CHOICES: Mapping[str, Tuple[str, ...]] = {
-    "auto": (LINEAR, PRODUCTS, DIVIDED, POLYNOMIAL, MLP, SVM),
+    "auto": (TERMS, LINEAR, PRODUCTS, DIVIDED, POLYNOMIAL, MLP, SVM),
+    "terms": (TERMS,),
     "linear": (LINEAR,),
     "polynomial": (PRODUCTS, DIVIDED, POLYNOMIAL),
     "svr": (SVM,),
@@ -65,12 +78,13 @@ CHOICES: Mapping[str, Tuple[str, ...]] = {
 LEVELS: Mapping[str, int] = {
     MEAN: 0,
     LAW: 1,
-    LINEAR: 2,
-    PRODUCTS: 3,
-    DIVIDED: 3,
-    POLYNOMIAL: 4,
-    MLP: 5,
-    SVM: 6,
+    TERMS: 2,
+    LINEAR: 3,
+    PRODUCTS: 4,
+    DIVIDED: 4,
+    POLYNOMIAL: 5,
+    MLP: 6,
+    SVM: 7,
 }
 """Complexity of a rung: of two that are as good the lower one is taken."""
 
@@ -84,10 +98,16 @@ SETTINGS: Mapping[str, Tuple[float, ...]] = {
 }
 
 
-def ladder(choice: str, inputs: np.ndarray) -> List[Recipe]:
-    """Return the recipes to try on these columns for a `--model`, the simplest first."""
+def ladder(choice: str, inputs: np.ndarray, terms: int) -> List[Recipe]:
+    """Return the recipes to try on these columns for a `--model`, the simplest first.
+
+    `terms`: the most of a short model.
+    """
     recipes = []
     for rung in CHOICES[choice]:
+        if rung == TERMS:
+            recipes += [Recipe(TERMS, float(count)) for count in range(1, terms + 1)]
+            continue
         for setting in SETTINGS[rung]:
             if rung != DIVIDED:
                 recipes.append(Recipe(rung, setting))

@@ -5,12 +5,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from shsa_learning.figures import rms
-from shsa_learning.learn.formula import Terms, products
-from shsa_learning.learn.rows import MANY
 from shsa_learning.learn.selection import OUTER
 from shsa_learning.learn.table import Table, block_numbers
 
 SHORTEST_S = 60.0
+MANY = 0.05  # outliers, of all values: who has more of them has another trouble
 SKILL = 0.3
 BLOCKED_TO_SHUFFLED = 2.0
 EXCITED_BLOCKS = 3
@@ -30,40 +29,29 @@ CERTAIN = 5.0  # standard errors, of a coefficient in one block
 WEIGHTY = 0.1  # of the target's deviation, what a term gives in a block
 
 
-def of_data(
-    table: Table, outliers: Mapping[str, int], computed_from: Sequence[str] = ()
-) -> List[str]:
-    """Return why nothing should be learned from these rows; empty: they will do.
+def of_target(table: Table, outliers: int) -> List[str]:
+    """Return why nothing should be learned of the target of these rows; empty: it will do.
 
-    `computed_from`: what the target is computed from may tell all of it.
+    `outliers`: how many of its values were left out.
     """
     if table.duration < SHORTEST_S:
         return [
             f"{table.duration:.0f} s of data in which {table.name} and every input have a "
             f"value; {SHORTEST_S:.0f} s are the least"
         ]
-    reasons = []
+    if outliers > MANY * len(table.time):
+        return [f"{100.0 * outliers / len(table.time):.0f} % of {table.name} are outliers"]
     rows = table.rows()
-    every = len(table.time)
-    for name, count in outliers.items():
-        if count > MANY * every:
-            reasons.append(f"{100.0 * count / every:.0f} % of {name} are outliers")
     target = table.target[rows]
-    constant = [name for name in table.names if _constant(table.inputs[name][rows])]
-    if _constant(target):
-        reasons.append(f"{table.name} is constant ({target[0]:g})")
-    reasons += [f"{name} is constant ({table.inputs[name][rows][0]:g})" for name in constant]
-    blocks = block_numbers(table.time[rows], OUTER)
-    for name, values in [(table.name, target), *_columns(table, rows)]:
-        excited = _excited(values, blocks)
-        if name not in constant and not _constant(values) and excited < EXCITED_BLOCKS:
-            reasons.append(
-                f"{name} varies in {excited} of {blocks[-1] + 1} blocks of time; "
-                f"{EXCITED_BLOCKS} are the least"
-            )
-    return reasons + [
-        _leak_text(table.name, leak) for leak in leaks(table) if leak.name not in computed_from
-    ]
+    if is_constant(target):
+        return [f"{table.name} is constant ({target[0]:g})"]
+    varies, blocks = excited(target, table.time[rows])
+    if varies < EXCITED_BLOCKS:
+        return [
+            f"{table.name} varies in {varies} of {blocks} blocks of time; "
+            f"{EXCITED_BLOCKS} are the least"
+        ]
+    return []
 
 
 class Leak(NamedTuple):
@@ -86,7 +74,7 @@ def leaks(table: Table) -> List[Leak]:
 
 
 def _leak(name: str, values: np.ndarray, target: np.ndarray) -> Optional[Leak]:
-    if _constant(values) or _constant(target):
+    if is_constant(values) or is_constant(target):
         return None
     # The mean of the target where the input has nearly this value, whatever the function is.
     order = np.argsort(values, kind="stable")
@@ -119,7 +107,7 @@ def _neighbours(values: np.ndarray) -> float:
     return float(np.sum(off[1:] * off[:-1])) / squares if squares > 0.0 else 0.0
 
 
-def _leak_text(target: str, leak: Leak) -> str:
+def leak_text(target: str, leak: Leak) -> str:
     told = 100.0 * (1.0 - min(leak.noise, 1.0))
     return (
         f"{leak.name} seems to be computed from {target}: alone and at once it tells "
@@ -131,7 +119,7 @@ def duplicates(table: Table) -> Dict[str, str]:
     """Return the inputs that say the same as another before them, and which."""
     rows = table.complete
     found: Dict[str, str] = {}
-    names = [name for name in table.names if not _constant(table.inputs[name][rows])]
+    names = [name for name in table.names if not is_constant(table.inputs[name][rows])]
     for place, name in enumerate(names):
         for other in names[:place]:
             one, two = table.inputs[name][rows], table.inputs[other][rows]
@@ -230,16 +218,9 @@ def too_perfect(
 
 
 def flipping(
-    terms: Terms,
-    names: Sequence[str],
-    inputs: np.ndarray,
-    target: np.ndarray,
-    block: np.ndarray,
+    names: Sequence[str], columns: np.ndarray, target: np.ndarray, block: np.ndarray
 ) -> List[str]:
-    """Return the terms whose coefficient surely has one sign here and the other there."""
-    columns = products(inputs, terms.monomials, terms.centres)
-    if terms.divisor >= 0:
-        target = target * inputs[:, terms.divisor]
+    """Return the terms, by name, whose coefficient surely has one sign here and the other there."""
     signs: Dict[int, List[Tuple[int, float]]] = {}
     for number in np.unique(block):
         rows = block == number
@@ -249,9 +230,8 @@ def flipping(
     for term, seen in sorted(signs.items()):
         (low, least), (high, most) = (f(seen, key=lambda each: each[1]) for f in (min, max))
         if least < 0.0 < most:
-            what = "*".join(names[each] for each, _ in terms.monomials[term])
             reasons.append(
-                f"the coefficient of {what} flips its sign: {least:.3g} in block {low + 1}, "
+                f"the coefficient of {names[term]} flips its sign: {least:.3g} in block {low + 1}, "
                 f"{most:.3g} in block {high + 1}"
             )
     return reasons
@@ -279,17 +259,15 @@ def _certain(
         yield int(numbers[place]), float(found[place])
 
 
-def _excited(values: np.ndarray, blocks: np.ndarray) -> int:
-    """Return the blocks in which the values vary."""
-    whole = float(np.std(values))
-    return sum(
-        float(np.std(values[blocks == number])) > EXCITED * whole for number in np.unique(blocks)
+def excited(values: np.ndarray, time: np.ndarray) -> Tuple[int, int]:
+    """Return in how many blocks of time (s) the values vary, and the number of blocks."""
+    whole, blocks = float(np.std(values)), block_numbers(time, OUTER)
+    numbers = np.unique(blocks)
+    return sum(float(np.std(values[blocks == each])) > EXCITED * whole for each in numbers), len(
+        numbers
     )
 
 
-def _constant(values: np.ndarray) -> bool:
+def is_constant(values: np.ndarray) -> bool:
+    """Return whether values are the same but for rounding."""
     return float(np.ptp(values)) <= 1e-9 * float(np.max(np.abs(values))) if len(values) else True
-
-
-def _columns(table: Table, rows: np.ndarray) -> List[Tuple[str, np.ndarray]]:
-    return [(name, column[rows]) for name, column in table.inputs.items()]

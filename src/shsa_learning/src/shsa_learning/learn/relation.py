@@ -2,41 +2,28 @@
 from dataclasses import replace
 from typing import Dict, Optional
 
-from shsa_core.language.expression import parse_constraint, parse_law
+from shsa_core.language.expression import parse_constraint
 from shsa_core.model.error import Error, quality_of
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_learning.learn.evaluation import LEARNED, check_agreement
 from shsa_learning.learn.learner import Learned
-from shsa_learning.learn.table import Table
 
 FIGURES, DIGITS = ("rms", "bias", "p95", "delay", "baseline"), 4
 
 
-def relation_of(learned: Learned, table: Table) -> TransferFunction:
-    """Return the relation: as generated code it gives what was fitted, on the rows of the table.
+def relation_of(learned: Learned) -> TransferFunction:
+    """Return the relation that was learned, with its error and where it holds.
 
-    A law that was the best keeps its text and gets its error. Raises ModelError if the generated
-    code gives anything else, ExpressionError if the function is too long for the language.
+    A law that was the best keeps its text and gets its error.
     """
     model, error = learned.model, learned.error
     assert model is not None and error is not None
-    source = f"{error.source}; {model.choice.recipe} from {', '.join(model.inputs)}"
+    source = f"{error.source}; {model.name} from {', '.join(model.inputs)}"
     known = _short(replace(error, source=source))
-    if model.law is not None:
-        return replace(model.law.function, error=known, quality=quality_of(known))
-    relation = TransferFunction(
-        LEARNED + learned.target,
-        learned.target,
-        model.inputs,
-        parse_law(model.function),
-        quality_of(known),
-        parse_constraint(model.constraint),
-        model.function,
-        error=known,
-    )
-    check_agreement(replace(relation, constraint=None), {}, table, model.predict(table))
-    return relation
+    relation = replace(model.relation, error=known, quality=quality_of(known))
+    if not model.constraint:
+        return relation
+    return replace(relation, constraint=parse_constraint(model.constraint))
 
 
 def with_relation(ontology: Ontology, relation: TransferFunction) -> Ontology:

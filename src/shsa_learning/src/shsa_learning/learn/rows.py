@@ -12,12 +12,9 @@ from shsa_learning.learn.table import APART_S, Table
 from shsa_learning.recordings.recording import Recording, Series, held, largest_age
 
 SHORTEST_PERIOD_S = 0.02
-COPY = "it is a duplicate"
 WINDOW = 5  # values
 NOISE = 10.0  # typical distances from the median around
 SPAN = 0.5  # of what the middle 98 % of the values span
-MANY = 0.05
-"""Of all values: who has more of them has another trouble."""
 
 
 class Data(NamedTuple):
@@ -25,7 +22,8 @@ class Data(NamedTuple):
 
     `left_out`: inputs by name, and why; `suspicious`: why some of them, or of those that were
     asked for, must not be ignored; `outliers`: how many were left out, by property; `notes`: what
-    else was done to the data; `computed_from`: inputs of which the SOM says that the target is.
+    else was done to the data; `computed_from`: inputs of which the SOM says that the target is;
+    `asked`: the inputs that somebody named.
     """
 
     table: Table
@@ -34,6 +32,7 @@ class Data(NamedTuple):
     outliers: Dict[str, int]
     notes: Tuple[str, ...]
     computed_from: Tuple[str, ...] = ()
+    asked: Tuple[str, ...] = ()
 
 
 def gather(
@@ -73,7 +72,7 @@ def gather(
         why = reasons[0] if reasons else "it is not in every recording"
         if wanted and name not in wanted:
             why = "it was not asked for"
-        elif wanted or why.startswith(COPY):
+        elif wanted:
             suspicious.append(f"{name} may not be an input: {why}")
         left_out[name] = why
     outliers: Dict[str, int] = {}
@@ -83,7 +82,9 @@ def gather(
     found = {name: count for name, count in outliers.items() if count}
     table = _joined(property, names, parts)
     computed_from = [name for name in names if any(_upstream(name, each, som) for each in offers)]
-    return Data(table, left_out, tuple(suspicious), found, tuple(notes), tuple(computed_from))
+    return Data(
+        table, left_out, tuple(suspicious), found, tuple(notes), tuple(computed_from), tuple(wanted)
+    )
 
 
 def _upstream(name: str, given: Offer, som: Optional[Som]) -> bool:

@@ -1,19 +1,26 @@
 """The choice of a model: the simplest within one standard error of the best, on blocks.
 
-Nested: each outer block is predicted by a model whose form, delays and coefficients were chosen
-without it, so its error is that of the whole procedure.
+Nested: each outer block is predicted by a model whose form, terms, lags and coefficients were
+chosen without it, so its error is that of the whole procedure.
 """
-from typing import Callable, Dict, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from shsa_core.errors import ShsaError
 from shsa_learning.figures import rms
-from shsa_learning.learn.delays import Columns, Lag, choose
-from shsa_learning.learn.models import LAW, LEVELS, MEAN, Recipe, fit
+from shsa_learning.learn.delays import Lag, choose, texts
+from shsa_learning.learn.features import Features
+from shsa_learning.learn.models import LAW, LEVELS, MEAN, TERMS, Recipe, fit
+from shsa_learning.learn.short import ShortModels, Sum
 from shsa_learning.learn.table import Fold, blocked, shuffled
 
 OUTER, INNER = 6, 4
 """Blocks: of all rows for the error, and of what is left for the choice."""
+FAILURES = (ShsaError, ValueError, ArithmeticError, np.linalg.LinAlgError)
+"""Of a model: it is skipped, and that is told."""
+MOST_UNTOLD = 0.1
+"""Of the rows: a model that says nothing of more is no help."""
 
 
 class Rung(NamedTuple):
@@ -25,10 +32,16 @@ class Rung(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A choice among some rows: the model, the lag of each input, and the errors of all."""
+    """A choice among some rows: the model, and the errors of all.
+
+    `lags`: of each input of the ladder; `shortlist`: the terms that a short model may have;
+    `terms`: those of the short model that was chosen.
+    """
 
     recipe: Recipe
     lags: Tuple[Lag, ...]
+    shortlist: Tuple[str, ...]
+    terms: Tuple[str, ...]
     rungs: Tuple[Rung, ...]
 
 
@@ -48,58 +61,109 @@ class CrossValidation(NamedTuple):
 class Candidates:
     """The candidates: recipes that are fitted, and laws whose numbers are known.
 
-    `laws`: what each law says of each row that fits look at.
+    `ladder`: the inputs of the recipes that are no short models; `laws`: what each law says of
+    each row that fits look at; `failed`: the recipes that failed, and why.
     """
 
     def __init__(
         self,
-        columns: Columns,
+        features: Features,
+        short: Optional[ShortModels],
+        ladder: Features,
         recipes: Sequence[Recipe],
         laws: Mapping[str, np.ndarray],
         seed: int,
     ) -> None:
-        self.columns = columns
+        self.features, self.ladder, self._short = features, ladder, short
         self.laws = dict(laws)
         self.recipes = [Recipe(MEAN), *(Recipe(LAW, law=name) for name in laws), *recipes]
+        self.failed: Dict[Recipe, str] = {}
         self._seed = seed
+        self._found: Dict[Tuple[Tuple[str, ...], bytes], List[Sum]] = {}
 
-    def predict(
-        self, recipe: Recipe, lags: Tuple[Lag, ...], train: np.ndarray, test: np.ndarray
-    ) -> np.ndarray:
-        """Fit a recipe to the rows `train` and predict the rows `test`; NaN: no prediction."""
+    def skip(self, recipe: Recipe, why: str) -> None:
+        """Leave a recipe out from now on."""
+        self.failed[recipe] = why
+        self.recipes = [each for each in self.recipes if each != recipe]
+
+    def keep_as_simple_as(self, recipe: Recipe) -> None:
+        """Leave out what is less simple: it was not worth its complexity on all rows."""
+        self.recipes = [each for each in self.recipes if LEVELS[each.rung] <= LEVELS[recipe.rung]]
+
+    def predict(self, recipe: Recipe, choice: Choice, fold: Fold) -> np.ndarray:
+        """Fit a recipe to the rows of a fold and predict those of its test; NaN: no prediction."""
         if recipe.rung == LAW:
-            return self.laws[recipe.law][test]
-        inputs, target = self.columns.matrix(lags), self.columns.target
+            return self.laws[recipe.law][fold.test]
+        if recipe.rung == TERMS:
+            return self._sums(choice.shortlist, fold)[int(recipe.setting) - 1]
+        inputs = self.ladder.matrix(texts(self.ladder.names, choice.lags))
         known = np.isfinite(inputs).all(axis=1)
-        learn, told = train[known[train]], known[test]
-        result = np.full(len(test), np.nan)
+        learn, told = fold.train[known[fold.train]], known[fold.test]
+        result = np.full(len(fold.test), np.nan)
         if len(learn) > 0 and told.any():
-            formula = fit(recipe, inputs[learn], target[learn], self._seed)
-            result[told] = formula.predict(inputs[test[told]])
+            formula = fit(recipe, inputs[learn], self.features.target[learn], self._seed)
+            result[told] = formula.predict(inputs[fold.test[told]])
         return result
+
+    def _sums(self, shortlist: Tuple[str, ...], fold: Fold) -> List[np.ndarray]:
+        """Return what the best sum of one term, of two, and so on predicts."""
+        key = shortlist, fold.train.tobytes()
+        if key not in self._found:
+            self._found[key] = self.sums(shortlist, fold.train)
+        said = [
+            each.predict(self.features.matrix(each.terms)[fold.test]) for each in self._found[key]
+        ]
+        most = int(max(each.setting for each in self.recipes if each.rung == TERMS))
+        nothing = np.full(len(fold.test), np.nan)
+        return said + [said[-1] if said else nothing] * (most - len(said))
+
+    def sums(self, shortlist: Sequence[str], rows: np.ndarray) -> List[Sum]:
+        """Return the best sum of one term, of two, and so on, fitted to some rows."""
+        assert self._short is not None
+        most = int(max(each.setting for each in self.recipes if each.rung == TERMS))
+        return self._short.sums(shortlist, rows, most)
 
     def choose(self, rows: np.ndarray) -> Choice:
         """Choose the simplest recipe within one standard error of the best, by some rows alone."""
-        lags = choose(self.columns, rows)
-        folds = [_of(rows, fold) for fold in blocked(self.columns.time[rows], INNER)]
+        kinds = {recipe.rung for recipe in self.recipes}
+        lags: Tuple[Lag, ...] = (Lag(),) * len(self.ladder.names)
+        if kinds - {MEAN, LAW, TERMS}:
+            lags = choose(self.ladder, rows)
+        shortlist: Tuple[str, ...] = ()
+        if TERMS in kinds and self._short is not None:
+            shortlist = self._short.shortlist(rows)
+        self._found.clear()
+        prepared = Choice(Recipe(MEAN), lags, shortlist, (), ())
+        folds = [_of(rows, fold) for fold in blocked(self.features.time[rows], INNER)]
         rungs = []
-        for recipe in self.recipes:
-            errors = [self._rms(recipe, lags, fold) for fold in folds]
+        for recipe in list(self.recipes):
+            errors = self._errors(recipe, prepared, folds)
+            if recipe in self.failed:
+                continue
             spread = float(np.std(errors, ddof=1)) if np.isfinite(errors).all() else 0.0
             rungs.append(Rung(recipe, float(np.mean(errors)), spread / np.sqrt(len(errors))))
         best = min(rungs, key=lambda rung: rung.rms)
         limit = best.rms + best.standard_error
         chosen = min(
             (rung for rung in rungs if rung.rms <= limit),
-            key=lambda rung: (LEVELS[rung.recipe.rung], rung.rms),
-        )
-        return Choice(chosen.recipe, lags, tuple(rungs))
+            key=lambda rung: (*rung.recipe.complexity, rung.rms),
+        ).recipe
+        terms: Tuple[str, ...] = ()
+        if chosen.rung == TERMS:
+            terms = self.sums(shortlist, rows)[: int(chosen.setting)][-1].terms
+        return Choice(chosen, lags, shortlist, terms, tuple(rungs))
 
-    def _rms(self, recipe: Recipe, lags: Tuple[Lag, ...], fold: Fold) -> float:
-        off = self.predict(recipe, lags, *fold) - self.columns.target[fold.test]
-        told = np.isfinite(off)
-        # Who says nothing of many rows is no help.
-        return rms(off[told]) if told.mean() > 0.9 else float("inf")
+    def _errors(self, recipe: Recipe, prepared: Choice, folds: Sequence[Fold]) -> List[float]:
+        """Return the RMS error on each fold; a recipe that fails is left out from then on."""
+        errors = []
+        try:
+            for fold in folds:
+                off = self.predict(recipe, prepared, fold) - self.features.target[fold.test]
+                told = np.isfinite(off)
+                errors.append(rms(off[told]) if told.mean() > 1.0 - MOST_UNTOLD else np.inf)
+        except FAILURES as error:
+            self.skip(recipe, str(error))
+        return errors
 
 
 def cross_validate(candidates: Candidates, step: Callable[[float], object]) -> CrossValidation:
@@ -107,16 +171,16 @@ def cross_validate(candidates: Candidates, step: Callable[[float], object]) -> C
 
     `step` is told the share of the work that is done after each.
     """
-    columns = candidates.columns
-    rows = len(columns.target)
+    features = candidates.features
+    rows = len(features.target)
     predicted, mean = np.full(rows, np.nan), np.full(rows, np.nan)
     block = np.zeros(rows, dtype=int)
     choices: List[Choice] = []
-    folds = blocked(columns.time, OUTER)
+    folds = blocked(features.time, OUTER)
     for number, fold in enumerate(folds):
         choice = candidates.choose(fold.train)
-        predicted[fold.test] = candidates.predict(choice.recipe, choice.lags, *fold)
-        mean[fold.test] = np.mean(columns.target[fold.train])
+        predicted[fold.test] = candidates.predict(choice.recipe, choice, fold)
+        mean[fold.test] = np.mean(features.target[fold.train])
         block[fold.test] = number
         choices.append(choice)
         step(1.0 / (len(folds) + 1))
@@ -125,15 +189,15 @@ def cross_validate(candidates: Candidates, step: Callable[[float], object]) -> C
 
 def errors_of(candidates: Candidates, choice: Choice, seed: int) -> Dict[str, float]:
     """Return the RMS error of a choice on rows that were left out in blocks, and at random."""
-    columns = candidates.columns
+    features = candidates.features
     ways = {
-        "blocked": blocked(columns.time, OUTER),
-        "shuffled": shuffled(len(columns.target), OUTER, seed),
+        "blocked": blocked(features.time, OUTER),
+        "shuffled": shuffled(len(features.target), OUTER, seed),
     }
     result = {}
     for name, folds in ways.items():
         parts = [
-            candidates.predict(choice.recipe, choice.lags, *fold) - columns.target[fold.test]
+            candidates.predict(choice.recipe, choice, fold) - features.target[fold.test]
             for fold in folds
         ]
         off = np.concatenate(parts)

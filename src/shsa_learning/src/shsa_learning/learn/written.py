@@ -1,4 +1,5 @@
 """Fitted models as expressions of the ontology's language"""
+import math
 from dataclasses import fields, replace
 from typing import Any, Dict, Mapping, Sequence
 
@@ -7,16 +8,20 @@ import numpy as np
 from shsa_core.language.expression import Expression, Law, compose, parse_expression
 from shsa_learning.learn.delays import Lag
 from shsa_learning.learn.formula import MAGNITUDE, Formula, Kernels, Network, Terms
+from shsa_learning.learn.short import Sum
 
 DIGITS = (6, 9, 12, 17)
 """Of the coefficients: the fewest that make no difference are written."""
 NO_DIFFERENCE = 1e-3  # of the RMS error
-WIDER = 0.25
+SMALL_DIFFERENCE = 0.1  # of the RMS error
+MOST_DIGITS = 12
+WIDER = 0.05
 """Of what was seen of an input: the constraint leaves so much room at both ends.
 
-Beyond it the model has no value, and another relation is taken: so a usual noise must not get
-there, and what was never seen must not be guessed.
+Beyond it the model has no value, and another relation is taken: a usual noise must not get there.
 """
+LEAST_ERROR = 1e-6
+"""Of a coefficient: a standard error below it tells nothing of the digits."""
 
 
 def rounded(formula: Any, inputs: np.ndarray, rms: float) -> Any:
@@ -40,10 +45,49 @@ def _rounded(value: Any, digits: int) -> Any:
         return tuple(_rounded(each, digits) for each in value)
     if not isinstance(value, float):
         return value
-    short = float(f"{value:.{digits}g}")
-    # A whole number, and a half, would have no unit.
-    plain = short != 0.0 and (short == round(short) or abs(short) == 0.5)
-    return short * (1.0 + 1e-9) if plain else short
+    return _without_unit(float(f"{value:.{digits}g}"))
+
+
+def _without_unit(short: float) -> float:
+    return short * (1.0 + 1e-9) if _plain(short) else short
+
+
+def _plain(number: float) -> bool:
+    """Return whether a number would have no unit, as a whole one and a half have none."""
+    return number != 0.0 and (number == round(number) or abs(number) == 0.5)
+
+
+def rounded_sum(sum_: Sum, errors: Sequence[float], columns: np.ndarray, rms: float) -> Sum:
+    """Round a sum of terms: each coefficient has two digits of its standard error.
+
+    It gets more where that makes a difference, as it does where terms tell much the same.
+    """
+    exact = sum_.predict(columns)
+    for more in range(MOST_DIGITS):
+        coefficients = tuple(
+            _to_error(value, error, more) for value, error in zip(sum_.coefficients, errors)
+        )
+        short = Sum(0.0, coefficients, sum_.terms)
+        middle = float(np.nanmean(exact - short.predict(columns)))
+        short = short._replace(intercept=_to_error(middle, 0.01 * rms, 0))
+        if np.nanmax(np.abs(short.predict(columns) - exact)) <= SMALL_DIFFERENCE * rms:
+            break
+    return short
+
+
+def _to_error(value: float, error: float, more: int) -> float:
+    """Round a value so that two digits of its error are left, and some more."""
+    error = max(error, LEAST_ERROR * abs(value), 1e-300)
+    digits = min(1 + more - math.floor(math.log10(error)), 300)
+    short = float(round(value, digits))
+    # One digit more spells a whole number such that it may have a unit.
+    return short if not _plain(short) else _without_unit(float(round(value, digits + 1)))
+
+
+def text_of_sum(sum_: Sum) -> str:
+    """Return a sum of terms as an expression."""
+    parts = zip(sum_.coefficients, sum_.terms)
+    return repr(sum_.intercept) + "".join(_signed(value, f"*{term}") for value, term in parts)
 
 
 def text_of(formula: Formula, inputs: Sequence[str]) -> str:

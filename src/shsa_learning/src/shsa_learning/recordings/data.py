@@ -9,22 +9,26 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.text import nearest
 from shsa_learning.recordings.bags import is_bag, read_bag
-from shsa_learning.recordings.csv_files import read_csv
+from shsa_learning.recordings.csv_files import Step, read_csv
 from shsa_learning.recordings.recording import Recording, Series
 
 
 def read(
-    paths: Sequence[str], som: Optional[Som] = None, ontology: Optional[Ontology] = None
+    paths: Sequence[str],
+    som: Optional[Som] = None,
+    ontology: Optional[Ontology] = None,
+    step: Step = lambda size: None,
 ) -> Tuple[Recording, ...]:
-    """Read recordings from files: rosbags, which need a SOM, and CSV files.
+    """Read recordings from files, or folders of them: rosbags, which need a SOM, and CSV files.
 
     A bag is a recording. CSV files are sources of one recording, unless they cannot be: those of
     one name in several folders are a recording each folder, and so are those that do not overlap in
-    time. Which services they are of, `attributed` says. Raises ShsaError, with the file, if one
-    cannot be read.
+    time. Which services they are of, `attributed` says. `step` is told of the bytes that are read.
+    Raises ShsaError, with the file, if one cannot be read.
     """
     if not paths:
         raise ModelError("the data", "no file is given")
+    paths = files(paths)
     twice = [path for k, path in enumerate(paths) if path in paths[:k]]
     if twice:
         raise ModelError(twice[0], "is given twice")
@@ -37,7 +41,22 @@ def read(
             raise ModelError(path, "is a rosbag: a SOM (--som) says what its topics provide")
         else:
             recordings.append(read_bag(path, som))
-    return (*recordings, *_recordings(tables, som or Som(), ontology))
+            step(os.path.getsize(path))
+    return (*recordings, *_recordings(tables, som or Som(), ontology, step))
+
+
+def files(paths: Sequence[str]) -> List[str]:
+    """Return the files, where a folder stands for the bags and CSV files in it, by name."""
+    found: List[str] = []
+    for path in paths:
+        if not os.path.isdir(path):
+            found.append(path)
+            continue
+        inside = [name for name in sorted(os.listdir(path)) if name.endswith((".bag", ".csv"))]
+        if not inside:
+            raise ModelError(path, "is a folder without any .bag or .csv file")
+        found += [os.path.join(path, name) for name in inside]
+    return found
 
 
 class _CsvFile(NamedTuple):
@@ -57,11 +76,11 @@ class _CsvFile(NamedTuple):
 
 
 def _recordings(
-    paths: Sequence[str], som: Som, ontology: Optional[Ontology]
+    paths: Sequence[str], som: Som, ontology: Optional[Ontology], step: Step
 ) -> Tuple[Recording, ...]:
     tables = []
     for path in paths:
-        series, notes = read_csv(path)
+        series, notes = read_csv(path, len(paths) == 1, step)
         tables.append(_CsvFile(path, series, notes))
     folders: Dict[str, List[_CsvFile]] = {}
     names = [os.path.basename(path) for path in paths]

@@ -55,10 +55,6 @@ class AgentEnd:
         self._open = self._open and now < self._heard_at + patience
         return self._open
 
-    def is_cut_off(self, now: float) -> bool:
-        """Return whether a reconfigurator was heard, and is not any more."""
-        return self.session > 0 and not self.is_open(now)
-
     def hear(self, message: msg.HostCommand, now: float) -> bool:
         """Return whether a message holds a command that is to be carried out now."""
         if message.agent != self.began or message.session < self.session:
@@ -133,7 +129,7 @@ class AgentNode:
 
     def _cut_off(self) -> bool:
         with self._lock:
-            return self._end.is_cut_off(clock.now())
+            return self._end.session > 0 and not self._end.is_open(clock.now())
 
     def _watch_master(self) -> None:
         """Look now and then whether the master knows us, if no reconfigurator is heard.

@@ -65,7 +65,7 @@ class RemoteHost:
         self._agent = self._session = 0
         self._said = self._heard = 0  # commands and events of this session
         self._confirmed = 0  # so many of our commands has the agent heard
-        self._reached = self._left = self._settled = False
+        self.is_reached = self._left = self._settled = False
         self._lost = True  # as far as anybody was told
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
         # What is to run there, what was found to run there, and how each is stopped.
@@ -77,14 +77,9 @@ class RemoteHost:
         self._heard_at = float("-inf")
 
     @property
-    def is_reached(self) -> bool:
-        """True if both ends hear each other."""
-        return self._reached
-
-    @property
     def is_quiet(self) -> bool:
         """True if nothing is under way to the agent, or can be."""
-        return not self._reached or self._confirmed == self._said
+        return not self.is_reached or self._confirmed == self._said
 
     def told(self) -> HostState:
         """Return how the computer does."""
@@ -92,7 +87,7 @@ class RemoteHost:
         if last is None:
             return HostState(self.name, False, None)
         figures = last.load, last.cores, last.received, last.transmitted
-        return HostState(self.name, self._reached, self._clock.passed(self._heard_at), *figures)
+        return HostState(self.name, self.is_reached, self._clock.passed(self._heard_at), *figures)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
@@ -110,7 +105,7 @@ class RemoteHost:
             self._wanted[command.node] = events.StopNode(command.node)
         elif isinstance(command, (events.StopSubstitute, events.StopNode)):
             self._wanted.pop(command.node, None)
-        if self._reached:
+        if self.is_reached:
             self._send(command)
         else:
             self._answer(command, now, f"{self.name} cannot be reached")
@@ -128,14 +123,14 @@ class RemoteHost:
         elif message.open and message.session == self._session and message.number == expected:
             self._heard_at, self._left = now, False
             self._heard, self._confirmed = message.number, message.heard
-            if not self._reached:
+            if not self.is_reached:
                 self._reach(message, now)
             if message.event:
                 self._happened(message.event, now)
             else:
                 figures = message.load, message.cores, message.transmitted, message.received
                 self._tell(events.HostSeen(now, self.name, *figures))
-        elif self._reached or message.session > self._session:
+        elif self.is_reached or message.session > self._session:
             self._give_up(now, f"something was lost on the way to or from {self.name}")
             self._begin(message)
 
@@ -143,11 +138,11 @@ class RemoteHost:
         """Give up an agent that is silent; every TICK_S."""
         self._clock.look(now, self._clock.now + settings.TICK_S)
         silence = self._clock.passed(self._heard_at)
-        if self._reached and silence >= settings.LOST_BEATS * settings.HEARTBEAT_S:
+        if self.is_reached and silence >= settings.LOST_BEATS * settings.HEARTBEAT_S:
             self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
-        self._left = self._left or (not self._reached and self.ended())
+        self._left = self._left or (not self.is_reached and self.ended())
         beats = settings.RETURN_BEATS if self._left else settings.LOST_BEATS
-        if not self._reached and not self._lost and silence >= beats * settings.HEARTBEAT_S:
+        if not self.is_reached and not self._lost and silence >= beats * settings.HEARTBEAT_S:
             self._lost = True
             why = f"its agent has not answered for {silence:.1f} s"
             self._tell(events.HostLost(now, self.name, why))
@@ -165,7 +160,7 @@ class RemoteHost:
 
     def _reach(self, message: msg.HostEvent, now: float) -> None:
         """Both ends hear each other from now on."""
-        self._reached, self._lost = True, False
+        self.is_reached, self._lost = True, False
         self._found = {node: events.StopSubstitute(node) for node in message.running}
         self._found.update({node: events.StopNode(node) for node in message.restarted})
         self._send(self._watched)
@@ -200,7 +195,7 @@ class RemoteHost:
 
     def _give_up(self, now: float, why: str) -> None:
         """End the conversation, and answer what still waits."""
-        self._reached = False
+        self.is_reached = False
         self._agent = self._said = self._heard = self._confirmed = 0
         waits, self._waits = self._waits, {}
         for command in waits.values():

@@ -102,7 +102,11 @@ class SomWatch:
                 with self._lock:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
-            self._look.wait(max(settings.MASTER_LOOK_S, took))
+            rest = max(settings.MASTER_LOOK_S, took)
+            if self._look.wait(rest):
+                # Whoever sets it without end is heard of once a look.
+                _ask(lambda: master_api().unsubscribeParam(rospy.get_node_uri(), self._name))
+                time.sleep(max(0.0, begin + min(rest, settings.LOOK_S) - time.monotonic()))
 
     def _subscribe(self) -> Optional[object]:
         """Return the value, {} if there is none; from now on the master tells of changes.

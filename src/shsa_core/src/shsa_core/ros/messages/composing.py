@@ -10,7 +10,7 @@ import genpy
 from shsa_core.errors import ShsaError
 from shsa_core.model.field_type import FLOATS
 from shsa_core.model.kinds import Others
-from shsa_core.ros.messages.conventions import CONVENTIONS, GENERIC, Convention, Covariance, Mark
+from shsa_core.model.conventions import CONVENTIONS, GENERIC, Convention, Covariance, Mark
 
 HEADER, QUATERNION = "std_msgs/Header", "geometry_msgs/Quaternion"
 _INDEX = re.compile(r"\[[^\]]*\]")

@@ -13,6 +13,7 @@ import genpy
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
+from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import ANGLES, Named, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
 from shsa_core.model.field_value import angles, field_value, place_of, quaternion
@@ -218,6 +219,7 @@ def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
     What is not marked is used and healed as ever.
     """
     problems: List[Problem] = []
+    som = with_unknowns(som, message_types.layout)
     return som.with_services(_marked(service, problems) for service in som), problems
 
 

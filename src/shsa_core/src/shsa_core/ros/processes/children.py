@@ -54,12 +54,12 @@ class Children:
         with self._changed:
             return sorted(self._running)
 
-    def stop(self, node: str, answers: bool = True) -> None:
+    def stop(self, node: str) -> None:
         """Ask a node to leave, if it can be asked; kill it if it stays; wait for its end."""
         process = self.process(node)
         if process is not None:
             self._stopped.add(node)
-            end(process, answers)
+            end(process)
 
     def _watch(self) -> None:
         while True:
@@ -79,13 +79,13 @@ class Children:
             time.sleep(settings.SOON_S)
 
 
-def end(process: psutil.Process, answers: bool = True) -> None:
+def end(process: psutil.Process) -> None:
     """End a process and all that it started; ask it first if it can be asked. Waits for its end."""
     if exit_status(process) is not None:
         return  # its number may be another one's by now
     try:
-        asks = answers and not kernel.stopped(process)
-        for number in (signal.SIGINT, signal.SIGKILL) if asks else (signal.SIGKILL,):
+        deaf = kernel.stopped(process.pid)
+        for number in (signal.SIGKILL,) if deaf else (signal.SIGINT, signal.SIGKILL):
             os.killpg(process.pid, number)
             if kernel.wait_for(lambda: exit_status(process) is not None):
                 return

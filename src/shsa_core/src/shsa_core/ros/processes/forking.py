@@ -55,7 +55,7 @@ class Forking:
             if not OWN_VARIABLES.issuperset(added) or len(order) > LARGEST_ORDER_B:
                 return None
             try:
-                if kernel.stopped(psutil.Process(self._process.pid)):
+                if kernel.stopped(self._process.pid):
                     raise BlockingIOError("the prepared process is stopped")
                 self._line.settimeout(settings.PATIENCE_S)
                 self._line.send(order, socket.MSG_DONTWAIT)

@@ -72,19 +72,20 @@ class Heart:
         """Return for how long in s nobody has heard them."""
         return time.monotonic() - self._heard
 
-    def beat(self) -> None:
-        """To be called by the loop at every turn; costs a few microseconds, and raises nothing."""
+    def beat(self, at_once: bool = False) -> bool:
+        """Beat if that is due, or `at_once`; return false if nobody listens. Raises nothing."""
         now = time.monotonic()
-        if now < self._due:
-            return
+        if now < self._due and not at_once:
+            return True
         self._due = now + settings.HEARTBEAT_S
         self._hear()
         try:
             with suppress(BlockingIOError):  # somebody listens, and not fast enough
                 self._socket.sendto(self._name, self._address)
         except OSError:
-            return  # nobody listens
+            return False
         self._heard = now
+        return True
 
     def _hear(self) -> None:
         """Take the answers that have come."""

@@ -154,9 +154,12 @@ def gone(process: psutil.Process) -> bool:
     return _status(process) in (None, psutil.STATUS_ZOMBIE)
 
 
-def stopped(process: psutil.Process) -> bool:
+def stopped(pid: int) -> bool:
     """Return whether a process is stopped, so that it hears nothing."""
-    return _status(process) == psutil.STATUS_STOPPED
+    try:
+        return _status(psutil.Process(pid)) == psutil.STATUS_STOPPED
+    except psutil.Error:
+        return False
 
 
 def _status(process: psutil.Process) -> Optional[str]:

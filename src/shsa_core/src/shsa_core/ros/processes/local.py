@@ -12,7 +12,7 @@ from shsa_core.healing.events import Where
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master import bus
 from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.processes import ending, kernel
+from shsa_core.ros.processes import ending, kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
@@ -43,7 +43,7 @@ class LocalHost:
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
         self.restarts = Restarts(ended, setup.host)
         self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
-        self._life = Life(signs, lambda node: node.startswith(setup.prefix), tell)
+        Life(signs, lambda node: node.startswith(setup.prefix), tell)
         self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
@@ -65,6 +65,12 @@ class LocalHost:
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
         self._guarded(self._carry_out[type(command)], command)
+
+    def hurry(self, node: str) -> None:
+        """Have a substitute come before others, also to hear that it is to publish."""
+        process = self.substitutes.children.process(node)
+        if process is not None:
+            priority.set_all(priority.HURRIES, process.pid)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
@@ -173,7 +179,7 @@ class LocalHost:
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
     def _stop(self, command: events.StopSubstitute) -> None:
-        self.substitutes.children.stop(command.node, answers=not self._life.is_silent(command.node))
+        self.substitutes.children.stop(command.node)
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

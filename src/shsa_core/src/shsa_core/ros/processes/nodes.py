@@ -62,7 +62,7 @@ class Known:
         """Return where its process runs."""
         if self.process is None:
             return Where.ELSEWHERE
-        return Where.STOPPED if kernel.stopped(self.process) else Where.HERE
+        return Where.STOPPED if kernel.stopped(self.process.pid) else Where.HERE
 
 
 class Found(NamedTuple):

@@ -1,108 +1,86 @@
-"""The priority of a process that stands by, and of its threads: the robot's own nodes come first.
+"""The priority of healing's processes, and of all their threads.
 
-It may have hundreds of threads where the robot has hundreds of topics. Each would have as much of
-the processor as a node of the robot's that is to publish now.
+What stands by comes after the robot's own nodes: it may have hundreds of threads where the robot
+has hundreds of topics. What is on the way from a failure to the next message comes before all,
+where that is permitted: to root, or by the user's limit `nice` (see limits.conf).
 
 Where each session has its own share (`man 7 sched`, "The autogroup feature"), as on a desktop, the
-priority of a process counts within its session alone, and who is alone in one would be lowered for
-nothing: so that of the session is lowered as well.
+priority of a process counts within its session alone: so that of the session is set as well.
 """
 import os
 import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import List
+from typing import Dict, List, Sequence
 
 from shsa_core.ros import settings
 
-LOWERED = 10
-"""By so much: where all are busy, a tenth of the processor time that others have."""
-
-USUAL = os.getpriority(os.PRIO_PROCESS, os.getpid())
-"""Of this process, until it is lowered."""
-SESSION = "/proc/self/autogroup"
-USUAL_SESSION = _wanted = 0
-_lowered = False
+STANDS_BY, USUAL, HURRIES = 10, 0, -10
+"""For a tenth of the processor time that others have where all are busy, as much, and ten times."""
+SESSION = "/proc/{}/autogroup"
+_wanted: Dict[int, int] = {}  # of sessions that could not be set yet
+_lock = threading.Lock()
 SWITCH_INTERVAL_S = 0.0005
 """Between switches of Python's threads: its own 5 ms, at each step between two of them, would be
 most of a takeover."""
 
 
-def lower() -> bool:
-    """Have this thread, and those that it starts, wait for others; whether that can be undone.
+def set_all(nice: int, pid: int = 0) -> None:
+    """Set the priority of all threads of a process, 0: of ours, and soon that of its session.
 
-    Where it cannot it is not done. Each thread can count as much as others again as root, or where
-    the user's limit `nice` allows it (see limits.conf); a session can for everybody.
+    Threads are left alone if they cannot be raised again.
     """
-    global _lowered
-    _lowered = _may_restore()
-    if _lowered:
-        os.nice(LOWERED)
-    return _set_session(LOWERED) or _lowered
+    pid = pid or os.getpid()
+    may = _may_hurry()
+    for thread in Path(f"/proc/{pid}/task").glob("*") if may else ():
+        with suppress(OSError):  # it has ended meanwhile, or is somebody else's
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), nice)
+    _set_session(nice if may else max(nice, USUAL), pid)
 
 
-def restore_all() -> None:
-    """Have all threads count as much as others again."""
-    _set_all(USUAL, USUAL_SESSION)
+def as_usual(words: Sequence[str]) -> List[str]:
+    """Return a command for what is no part of healing: it does not inherit our priority."""
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    return [*(("nice", "-n", str(USUAL - ours)) if ours < USUAL else ()), *words]
 
 
-def lower_all() -> None:
-    """Have all threads wait for others again, after they were restored."""
-    _set_all(USUAL + LOWERED, LOWERED)
+def _set_session(nice: int, pid: int) -> None:
+    """Set the priority of a session, now or soon, if there is one and it is the process's alone."""
+    with suppress(OSError):  # it has ended meanwhile
+        if os.access(SESSION.format(pid), os.W_OK) and os.getsid(pid) == pid:
+            with _lock:
+                waits = pid in _wanted
+                _wanted[pid] = nice
+            if not waits and not _try(pid):
+                threading.Thread(target=_insist, args=(pid,), name="priority", daemon=True).start()
 
 
-def _set_all(nice: int, session: int) -> None:
-    for thread in map(int, os.listdir("/proc/self/task") if _lowered else ()):
-        with suppress(ProcessLookupError):  # it has ended meanwhile
-            os.setpriority(os.PRIO_PROCESS, thread, nice)
-    _set_session(session)
-
-
-def _set_session(nice: int) -> bool:
-    """Set the priority of our session, now or soon; False: it has none, or is not ours alone."""
-    global _wanted
-    if not os.access(SESSION, os.W_OK) or os.getsid(0) != os.getpid():
-        return False
-    _wanted = nice
-    if not _try():
-        threading.Thread(target=_insist, name="priority", daemon=True).start()
-    return True
-
-
-def _try() -> bool:
+def _try(pid: int) -> bool:
     """Set what is wanted last; False: somebody's was changed less than 0.1 s ago."""
-    try:
-        Path(SESSION).write_text(f"{_wanted}\n")
-    except BlockingIOError:
-        return False
-    return True
+    with _lock:
+        try:
+            Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
+        except BlockingIOError:
+            return False
+        except OSError:
+            pass  # it has ended meanwhile
+        del _wanted[pid]
+        return True
 
 
-def _insist() -> None:
-    while not _try():
+def _insist(pid: int) -> None:
+    while not _try(pid):
         time.sleep(settings.SOON_S)
 
 
-def _may_restore() -> bool:
-    """Tried by a thread that then ends."""
-    found: List[bool] = []
-
-    def work() -> None:
-        try:
-            _change(1)
-            _change(-1)
-            found.append(True)
-        except PermissionError:
-            found.append(False)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    return found[0]
-
-
-def _change(nice: int) -> None:
-    """Change the priority of this thread alone."""
+def _may_hurry() -> bool:
+    """Try it with this thread alone."""
     here = threading.get_native_id()
-    os.setpriority(os.PRIO_PROCESS, here, os.getpriority(os.PRIO_PROCESS, here) + nice)
+    before = os.getpriority(os.PRIO_PROCESS, here)
+    try:
+        os.setpriority(os.PRIO_PROCESS, here, HURRIES)
+    except PermissionError:
+        return False
+    os.setpriority(os.PRIO_PROCESS, here, before)
+    return True

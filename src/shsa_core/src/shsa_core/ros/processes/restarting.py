@@ -17,6 +17,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.children import Children
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
@@ -135,7 +136,7 @@ class Restarts:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
         process = psutil.Popen(
-            start.words,
+            priority.as_usual(start.words),
             cwd=start.folder,
             env={**start.environment, **mark},
             stdin=subprocess.DEVNULL,

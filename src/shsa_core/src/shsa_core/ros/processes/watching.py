@@ -2,7 +2,7 @@
 import threading
 import time
 from dataclasses import dataclass, field
-from typing import Callable, Dict, Optional, Set
+from typing import Callable, Dict, Optional
 
 import psutil
 import rospy
@@ -27,8 +27,8 @@ class _Seen:
 class Life:
     """Tells which of the nodes that have given signs of life give none any more.
 
-    `tell` hears in a thread of its own that one is silent, after SILENT_BEATS; that it hangs, after
-    `patience` heartbeats; and its first sign, as well as the next after a silence. Time stands
+    `tell` hears in a thread of its own each one's first sign; and that it hangs, after `patience`
+    heartbeats without one, or, where `stopping_counts`, as the kernel has stopped it. Time stands
     while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
     had no processor, as what stands by comes last: up to STARVED_S.
     """
@@ -40,16 +40,13 @@ class Life:
         tell: Told,
         patience: int = settings.HUNG_BEATS,
         at_work: Callable[[], bool] = lambda: True,
+        stopping_counts: bool = True,
     ) -> None:
         self._signs, self._watched, self._tell = signs, watched, tell
         self._patience, self._at_work = patience * settings.HEARTBEAT_S, at_work
+        self._stopping_counts = stopping_counts
         self._seen: Dict[str, _Seen] = {}
-        self._quiet: Set[str] = set()
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
-
-    def is_silent(self, name: str) -> bool:
-        """Return whether a node gives no sign of life now."""
-        return name in self._quiet
 
     def _work(self) -> None:
         now = time.monotonic()
@@ -64,35 +61,24 @@ class Life:
 
     def _look(self, name: str, sign: Sign, before: float, now: float) -> None:
         seen = self._seen.get(name)
-        anew = seen is None or seen.sign.pid != sign.pid
-        if seen is None or anew:
+        if seen is None or seen.sign.pid != sign.pid:
             seen = self._seen[name] = _Seen(sign)
+            self._tell(events.ProcessPulse(now, name, events.Pulse.HEARD))
         seen.clock.look(now, before + settings.TICK_S)
         if not self._at_work():
             seen.clock.stand(before, now)
-        if anew or sign != seen.sign:
+        if sign != seen.sign:
             seen.sign, seen.starves = sign, False
-            if anew or name in self._quiet:
-                self._quiet.discard(name)
-                self._tell(events.ProcessPulse(now, name, events.Pulse.HEARD))
         elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
             # At first this only tells how long it has waited so far.
             seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
             seen.starves = True
-            self._judge(name, seen, now)
-
-    def _judge(self, name: str, seen: _Seen, now: float) -> None:
-        since = seen.sign.time
-        if seen.clock.has_passed(since, self._patience) or now - since >= settings.STARVED_S:
-            self._tell(events.ProcessPulse(now, name, events.Pulse.HUNG))
-            self._quiet.add(name)
-            self._signs.forget(name)
-            del self._seen[name]
-        elif name not in self._quiet and seen.clock.has_passed(
-            since, settings.SILENT_BEATS * settings.HEARTBEAT_S
-        ):
-            self._quiet.add(name)
-            self._tell(events.ProcessPulse(now, name, events.Pulse.SILENT))
+            late = seen.clock.has_passed(sign.time, self._patience)
+            stopped = self._stopping_counts and kernel.stopped(sign.pid)
+            if late or stopped or now - sign.time >= settings.STARVED_S:
+                self._tell(events.ProcessPulse(now, name, events.Pulse.HUNG))
+                self._signs.forget(name)
+                del self._seen[name]
 
 
 class Companion:
@@ -116,10 +102,8 @@ class Companion:
         self._beaten = time.monotonic()
         self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_BEATS[role]
-        at_work = (
-            lambda: time.monotonic() < self._beaten + settings.SILENT_BEATS * settings.HEARTBEAT_S
-        )
-        Life(signs, self._name.__eq__, self._change, patience, at_work)
+        at_work = lambda: time.monotonic() < self._beaten + 3 * settings.HEARTBEAT_S
+        Life(signs, self._name.__eq__, self._change, patience, at_work, stopping_counts=False)
 
     def beat(self) -> None:
         """To be called by the loop that does the work: we are at work."""
@@ -134,10 +118,7 @@ class Companion:
         )
 
     def _change(self, event: events.ProcessPulse) -> None:
-        if event.pulse is events.Pulse.HEARD:
-            self._hear(event.node)
-        elif event.pulse is events.Pulse.HUNG:
-            self._hangs(event.node)
+        (self._hear if event.pulse is events.Pulse.HEARD else self._hangs)(event.node)
 
     def _hear(self, name: str) -> None:
         sign = self._signs.of(name)

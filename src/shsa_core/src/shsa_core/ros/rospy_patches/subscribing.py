@@ -4,13 +4,16 @@ Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header o
 buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
 connection in a thread that calls back, and does not say when one ended, or when a message came.
 """
+import socket
 import struct
+import time
 import weakref
+from math import inf
 from typing import Any, Callable, Type
 
 import genpy
 import rospy
-from rosgraph.network import read_ros_handshake_header
+from rosgraph.network import decode_ros_handshake_header
 from rospy.exceptions import TransportTerminated
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
@@ -21,19 +24,31 @@ from shsa_core.ros import settings
 LENGTH = struct.Struct("<I")
 
 
-class _Limited:
-    """A socket that gives no more than a header can need."""
+def read_header(connection: socket.socket, seconds: float = inf) -> bytes:
+    """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
+    length = read(connection, LENGTH.size, connection.recv, seconds)
+    (size,) = LENGTH.unpack(length)
+    if size > settings.LARGEST_HEADER_B:
+        raise ShsaError(f"a header of {size} bytes; {settings.LARGEST_HEADER_B} are allowed")
+    return length + read(connection, size, connection.recv, seconds)
 
-    def __init__(self, socket: Any) -> None:
-        self._socket, self._came = socket, 0
 
-    def recv(self, size: int) -> bytes:
-        """Read; raises ShsaError."""
-        if self._came > settings.LARGEST_HEADER_B:
-            raise ShsaError(f"its header is longer than {settings.LARGEST_HEADER_B} bytes")
-        data: bytes = self._socket.recv(size)
-        self._came += len(data)
-        return data
+def read(
+    connection: socket.socket, size: int, some: Callable[[int], bytes], seconds: float
+) -> bytes:
+    """Read so many bytes in a time in s at most; raises OSError, ShsaError."""
+    data, end = b"", time.monotonic() + seconds
+    while len(data) < size:
+        left = end - time.monotonic()
+        connection.settimeout(None if left == inf else max(1e-3, left))
+        came = some(size - len(data))
+        if not came:
+            raise ShsaError("it ended before all had come")
+        data += came
+        if left <= 0.0:
+            raise ShsaError("it takes too long")
+    connection.settimeout(None)
+    return data
 
 
 def bound_header(transport: Any) -> None:
@@ -43,15 +58,13 @@ def bound_header(transport: Any) -> None:
     # itself.
     weak = weakref.ref(transport)
 
-    def read_header() -> None:
+    def read_bounded() -> None:
         found = weak()
         if found is None or found.socket is None:
             return
-        found.socket.setblocking(1)
-        limited, size = _Limited(found.socket), found.protocol.buff_size
-        found._validate_header(read_ros_handshake_header(limited, found.read_buff, size))
+        found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
 
-    transport.read_header = read_header
+    transport.read_header = read_bounded
 
 
 def bound_messages(transport: Any, largest: int) -> None:

@@ -30,7 +30,6 @@ class Connection:
         self.is_known = self.is_large = False
         self.wakes = True
         self.frames = Frames()
-        self.frames.add(transport.read_buff.getvalue())
         self.expects = 1
         """Bytes that come before the kernel wakes who waits for it; 1: each does."""
         self._decodes: Optional[Tuple[str, Tuple[str, ...]]] = None

@@ -16,7 +16,7 @@ from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
 from shsa_core.ros.master.registrations import is_name
 from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.trust.owners import is_local, listens, speaker
+from shsa_core.ros.trust.owners import is_local, listening, speaker
 from shsa_core.ros.workers import Workers
 
 NOT_LISTED = "the master does not list this name at its address: it counts for nobody"
@@ -130,4 +130,5 @@ class Identities:
 def _is_sender(connected: socket.socket, at: str) -> bool:
     """Return whether who sends is of the user who listens at an address; raises OSError."""
     user = speaker(connected)
-    return not is_local(at) if user is None else listens(user, resolved(at))
+    owned = None if user is None else listening(resolved(at))
+    return not is_local(at) if user is None else owned is not None and owned.user == user

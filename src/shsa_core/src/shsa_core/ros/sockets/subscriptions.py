@@ -13,7 +13,6 @@ from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTu
 
 import rospy
 
-from shsa_core.monitoring.events import Connected, Disconnected, Interrupted, PublisherEvent
 from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.arrival_times import ArrivalTimes
@@ -21,6 +20,37 @@ from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.identity import Identified, Identities
 from shsa_core.ros.sockets.inbox import Inbox
 from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
+
+
+class Connected(NamedTuple):
+    """The first connection to a publisher of a topic stands, or one after an interruption.
+
+    `at`: the numeric address of its process.
+    """
+
+    time: float
+    topic: str
+    publisher: str
+    at: str
+
+
+class Interrupted(NamedTuple):
+    """The last connection to a publisher was lost, but its node lives.
+
+    Connected or Gone follows soon.
+    """
+
+    time: float
+    topic: str
+    publisher: str
+
+
+class Gone(NamedTuple):
+    """A publisher of a topic is gone: its node, or what it offered."""
+
+    time: float
+    topic: str
+    publisher: str
 
 
 class Arrived(NamedTuple):
@@ -42,7 +72,7 @@ class Looked(NamedTuple):
     time: float
 
 
-Happening = Union[PublisherEvent, Arrived, Looked]
+Happening = Union[Connected, Interrupted, Gone, Arrived, Looked]
 
 
 class _Made(NamedTuple):
@@ -210,7 +240,7 @@ class Subscriptions:
             self._identities.claim(each)
         for topic in {each.topic for each in former} - {by.topic}:
             if by.publisher not in self.publishers(topic):
-                yield Disconnected(self._time, topic, by.publisher)
+                yield Gone(self._time, topic, by.publisher)
 
     def _read(self, ready: Set[int], since: float) -> Iterator[Happening]:
         for descriptor in ready:
@@ -264,4 +294,4 @@ class Subscriptions:
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._identities.forget(doubt.publisher, doubt.uri)
-                yield Disconnected(self._time, doubt.topic, doubt.publisher)
+                yield Gone(self._time, doubt.topic, doubt.publisher)

@@ -60,12 +60,6 @@ def listening(at: Address) -> Optional[Owned]:
     return None
 
 
-def listens(user: int, at: Address) -> bool:
-    """Return whether the socket that answers at a numeric address is of a user."""
-    owned = listening(at)
-    return owned is not None and owned.user == user
-
-
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     """Return the process that answers at an address; None: none here, several, or one we can't see.
 

@@ -6,6 +6,7 @@ own XML-RPC interface: no socket, port or thread is needed for it.
 """
 import hmac
 import json
+import re
 import secrets
 import socket
 import threading
@@ -23,6 +24,7 @@ from shsa_core.text import shown
 
 METHOD = "proveSecret"
 NONCE_B = 16
+NONCE = re.compile(f"[0-9a-f]{{{2 * NONCE_B}}}")
 LONGEST = 1 << 16
 """Characters of a proof."""
 MOST_SECRETS = 8
@@ -44,17 +46,6 @@ class Proof(NamedTuple):
     master: Place
     clock: int
     wall: int
-
-
-def nonce() -> str:
-    """Return a new one."""
-    return secrets.token_hex(NONCE_B)
-
-
-def is_nonce(text: object) -> bool:
-    """Return whether somebody asks with a nonce."""
-    digits = set("0123456789abcdef")
-    return isinstance(text, str) and len(text) == 2 * NONCE_B and digits.issuperset(text)
 
 
 def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
@@ -111,7 +102,7 @@ class Challenger:
 
     def ask(self, node: str) -> Met:
         """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
-        asked = nonce()
+        asked = secrets.token_hex(NONCE_B)
         try:
             uri = self._locate(node)
             where = shown(address(uri).host, 100)
@@ -167,11 +158,11 @@ def serve(secret: bytes, boot: bytes) -> None:
 
 def _prove(handler: Any, caller_id: object, asked: object) -> Tuple[int, str, List[Sequence[str]]]:
     """Answer the call, as rospy makes it."""
-    if not is_nonce(asked):
+    if not isinstance(asked, str) or not NONCE.fullmatch(asked):
         return -1, "a nonce is needed", []
     with _lock:
         held = list(_served)
-    return 1, "", [_proof(secret, boot, str(asked)) for secret, boot in held]
+    return 1, "", [_proof(secret, boot, asked) for secret, boot in held]
 
 
 def _proof(secret: bytes, boot: bytes, asked: str) -> Sequence[str]:

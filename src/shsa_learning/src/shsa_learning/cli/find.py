@@ -3,8 +3,6 @@ import argparse
 import json
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
-from shsa_core.analysis.loss import lose
-from shsa_core.cli._answers import Answer, Asked, of_property, of_service
 from shsa_core.cli._common import add_models, add_without, check_known, read_models, say, without
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
@@ -13,6 +11,8 @@ from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_learning.cli._answers import Answer, Asked, of_property, of_service
+from shsa_learning.loss import lose
 
 
 def add_parser(subparsers: Any) -> None:
@@ -21,7 +21,8 @@ def add_parser(subparsers: Any) -> None:
         "find",
         help="say what would replace a property, a service, a topic or a node",
         description="All services count as available, save those of the node that provides it. A "
-        "service is healed with all of its values, or not at all.",
+        "service is healed with all of its values, or with some if its message says of the rest "
+        "that it is unknown.",
     )
     lost = parser.add_mutually_exclusive_group(required=True)
     lost.add_argument("name", metavar="NAME", nargs="?", help="property, service, topic or node")
@@ -104,8 +105,8 @@ def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
         lines += _text(answer)
         if len(service.properties) > 1 and "substitute" not in whole:
             lines.append(
-                f"The service {service.name} ({service.topic}) is healed with all of its values, "
-                f"{', '.join(service.properties)}: {_summary(whole)}"
+                f"The service {service.name} ({service.topic}) is healed with "
+                f"{whole['output']}: {_summary(whole)}"
             )
     chosen = next((each for _, _, each in parts if "substitute" in each), parts[0][2])
     if len(parts) > 1:
@@ -131,7 +132,7 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"In the way: {', '.join(answer['in_the_way'])}; the other values can be derived"
     if "alone" in answer:
         yield f"{answer['property']} alone could be derived: {_summary(answer['alone'])}"
-        yield "But a service is healed with all of its values, or not at all"
+        yield "But its message cannot say of the service's other values that they are unknown"
     for number, each in enumerate(answer.get("substitutes", []), 1):
         yield f"{number:4}. {_summary(each)}"
     if not answer.get("complete", True):
@@ -142,6 +143,9 @@ def _text(answer: Answer) -> Iterator[str]:
         yield f"output  {answer['output']}"
         yield "code"
         yield from ("    " + line for line in answer["code"].splitlines())
+    if "unknown" in answer:
+        lacking = ", ".join(answer["missing"]) or "any relation that yields it"
+        yield f"Its messages leave {', '.join(answer['unknown'])} unknown. Missing: {lacking}"
     if "starts_at_zero" in answer:
         yield "It has an integral within an expression, which starts at 0: its first value may jump"
     if "shares" in answer:

@@ -2,7 +2,7 @@
 from itertools import islice
 from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_core.analysis.loss import Loss, dead_branches
+from shsa_learning.loss import Loss, dead_branches
 from shsa_core.analysis.takeover import slowest
 from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.generator import generate
@@ -60,6 +60,8 @@ def of_service(asked: Asked, service: Service) -> Answer:
     except (NoSubstitute, GenerationError) as error:
         return {**answer, **_refusal(error)}
     answer.update(_planned(plan))
+    if plan.left_out:
+        answer.update({"unknown": list(plan.left_out), "missing": list(plan.missing)})
     errors = [described(error) for error in plan.errors]
     answer["errors"] = dict(zip((source.property for source in plan.outputs), errors))
     shares = [c for c in service.shared if any(c in s.names for s in plan.inputs)]
@@ -74,8 +76,8 @@ def of_service(asked: Asked, service: Service) -> Answer:
 def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Answer:
     """Return the substitute of a lost property; `whole` is the answer for its service, if any.
 
-    A service is healed with all of its values: where it cannot be, nor can the property. What
-    would derive it is given as `alone`.
+    Where a service cannot be healed, nor can the property. What would derive it is given as
+    `alone`.
     """
     if whole is None:
         answer = _one(asked, loss)

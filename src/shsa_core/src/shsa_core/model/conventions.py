@@ -1,8 +1,13 @@
 """A table of how message types say what is not known: from their documentation and REP 117."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Mapping, Optional, Tuple
 
+from shsa_core.errors import ShsaError
+from shsa_core.model.field import parse_field
+from shsa_core.model.field_type import FLOATS, Layout
 from shsa_core.model.kinds import Word
+from shsa_core.model.service import Service
+from shsa_core.model.som import Som
 
 UNKNOWN_VARIANCE = 1e6
 """Says "not known" where 0 would claim certainty, as to robot_localization."""
@@ -80,8 +85,8 @@ def _six(group: str, first: str, second: str, names: Tuple[str, ...]) -> Convent
     return Convention(covariances=(Covariance("covariance", group, rows),))
 
 
-def _imu(group: str, names: Tuple[str, ...]) -> Covariance:
-    return Covariance(f"{group}_covariance", group, _rows(group, names), absent=NOT_GIVEN)
+def _vector(group: str, names: Tuple[str, ...], **unknown: float) -> Covariance:
+    return Covariance(f"{group}_covariance", group, _rows(group, names), **unknown)
 
 
 def _measured(name: str) -> Convention:
@@ -105,22 +110,15 @@ CONVENTIONS: Mapping[str, Convention] = {
     "nav_msgs/MapMetaData": Convention(Mark.SETTING, {"origin": Mark.SETTING}),
     "sensor_msgs/Imu": Convention(
         covariances=(
-            _imu("orientation", _ANGLES),
-            _imu("angular_velocity", _AXES),
-            _imu("linear_acceleration", _AXES),
+            _vector("orientation", _ANGLES, absent=NOT_GIVEN),
+            _vector("angular_velocity", _AXES, absent=NOT_GIVEN),
+            _vector("linear_acceleration", _AXES, absent=NOT_GIVEN),
         )
     ),
     # "If your sensor does not output 3 axes, put NaNs"; "0 is interpreted as variance unknown".
     "sensor_msgs/MagneticField": Convention(
         fields={"magnetic_field": Mark.NAN},
-        covariances=(
-            Covariance(
-                "magnetic_field_covariance",
-                "magnetic_field",
-                _rows("magnetic_field", _AXES),
-                unknown=0.0,
-            ),
-        ),
+        covariances=(_vector("magnetic_field", _AXES, unknown=0.0),),
     ),
     # East, north, up in m: the error of a latitude, in degrees, is none of them.
     "sensor_msgs/NavSatFix": Convention(
@@ -134,13 +132,13 @@ CONVENTIONS: Mapping[str, Convention] = {
     ),
     # "The goal is to make each of the fields optional": what is not known is left out.
     "sensor_msgs/JointState": Convention(Mark.EMPTY),
-    # "(If unmeasured NaN)", but for the voltage, which is mandatory.
+    # "(If unmeasured NaN)"; 0 is POWER_SUPPLY_STATUS_UNKNOWN and POWER_SUPPLY_HEALTH_UNKNOWN.
     "sensor_msgs/BatteryState": Convention(
-        fields={
-            "voltage": Mark.HELD_OR_NAN,
-            "capacity": Mark.SETTING,
-            "design_capacity": Mark.SETTING,
-        }
+        fields={"capacity": Mark.SETTING, "design_capacity": Mark.SETTING},
+        flags=(
+            Flag("power_supply_status", 0, unless=("power_supply_status",)),
+            Flag("power_supply_health", 0, unless=("power_supply_health",)),
+        ),
     ),
     # REP 117: a distance that is not valid is NaN. The limits and angles are the device's.
     "sensor_msgs/Range": Convention(Mark.SETTING, {"range": Mark.NAN}),
@@ -154,3 +152,39 @@ CONVENTIONS: Mapping[str, Convention] = {
     "sensor_msgs/Illuminance": _measured("illuminance"),
     "sensor_msgs/RelativeHumidity": _measured("relative_humidity"),
 }
+
+
+def with_unknowns(som: Som, layout: Layout) -> Som:
+    """Return the SOM with a mark at each value of which its message can say that it is unknown."""
+    return som.with_services(_with_unknowns(service, layout) for service in som)
+
+
+def _with_unknowns(service: Service, layout: Layout) -> Service:
+    marks = (_unknown_with(service.type, each.field, layout) for each in service.provides)
+    provides = tuple(replace(each, unknown_with=m) for each, m in zip(service.provides, marks))
+    return replace(service, provides=provides)
+
+
+def _unknown_with(kind: str, field_: str, layout: Layout) -> str:
+    """Return the part of a message that is unknown where a field is; empty: that cannot be said."""
+    names = [step.name for step in parse_field(field_).steps]
+    mark: Optional[Mark] = None
+    for place, name in enumerate(names):
+        convention, rest = CONVENTIONS.get(kind, GENERIC), ".".join(names[place:])
+        for covariance in convention.covariances:
+            group = covariance.group
+            if covariance.absent is not None and f"{rest}.".startswith(f"{group}."):
+                return ".".join([*names[:place], group])
+        for flag in convention.flags:
+            if flag.field == rest and flag.unless == (rest,):
+                return field_
+        if any(covariance.field == name for covariance in convention.covariances):
+            return ""
+        mark = mark or convention.fields.get(name)
+        try:
+            kind = layout(kind).get(name, "").partition("[")[0]
+        except ShsaError:
+            return ""  # it is not built here
+        if kind in FLOATS and (mark or convention.rest) in (Mark.NAN, Mark.EMPTY):
+            return field_
+    return ""
