@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Type
 
@@ -76,8 +77,9 @@ def main() -> None:
     """Wait, act once, tell what was done.
 
     The order has `seconds` or None and `action`: `continue` the process `pid`, which was made
-    at `created`; or `start` `words` in `folder`, to end with the process `starter` that was
-    made at `starter_created`, if any, unless it runs again already: a launch may have seen to that.
+    at `created`; or `start` `words` in `folder` once that process has ended, to end with the
+    process `starter` that was made at `starter_created`, if any, unless it runs again already: a
+    launch may have seen to that.
     """
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     order = json.loads(sys.stdin.readline())
@@ -114,6 +116,10 @@ def _start(order: Mapping[str, Any]) -> None:
         if starter is None:  # the launch has ended meanwhile
             _tell({"done": False})
             return
+    former = _process(order["pid"], order["created"]) if "pid" in order else None
+    if former is not None:  # it was asked to leave
+        with suppress(psutil.TimeoutExpired):
+            former.wait(LEAVING_S)
     words: List[str] = order["words"]
     if _running(words):
         _tell({"done": False, "runs": True})

@@ -80,9 +80,10 @@ class Injection:
             return
         start = targets.start_of(target.process)
         if self.seconds is not None:
-            order = {**start_order(start), "seconds": self.seconds}
-            guard = Guard(order)
+            former = {"pid": target.pid, "created": target.created}
+            guard = Guard({**start_order(start), **former, "seconds": self.seconds})
             self._undo.callback(lambda: self.told.update(guard.end()))
+        self.began = time.monotonic()  # to start a guard takes as long as a short fault
         if self.fault == "crash":
             target.process.kill()
         else:

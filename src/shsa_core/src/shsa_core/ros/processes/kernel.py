@@ -158,7 +158,7 @@ def stopped(pid: int) -> bool:
     """Return whether a process is stopped, so that it hears nothing."""
     try:
         return _status(psutil.Process(pid)) == psutil.STATUS_STOPPED
-    except psutil.Error:
+    except (psutil.Error, OSError):  # it has ended, or we lack the means to look
         return False
 
 
