@@ -60,7 +60,7 @@ ROWS: List[Any] = [
     (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
     (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
     # Its settings may be other ones.
-    (Kind.FRAME, {"replaced": True, "restarted": True}, False, "its settings may have been changed"),
+    (Kind.FRAME, {"replaced": True, "restarted": True}, False, "its settings may have been"),
     (Kind.LENGTH, {"gated": True}, False, "its settings may have been changed"),
     (Kind.LENGTH, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
     # A gate stands between it and the consumers.
