@@ -215,7 +215,8 @@ class Monitor:
         topic, publisher = found
         publisher.connected = False
         detail = "its connection was lost: the node died or left"
-        missed = publisher.state is HEALTHY and publisher.watched is not None
+        watched = publisher.watched
+        missed = watched and (publisher.state is HEALTHY or watched.knew(publisher.name))
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
             board.touch(topic, publisher.name)

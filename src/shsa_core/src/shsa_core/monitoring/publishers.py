@@ -40,6 +40,10 @@ class WatchedService:
     form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
 
+    def knew(self, node: str) -> bool:
+        """Return if a node did well under a former monitor, and was not heard by this one."""
+        return node == self.formerly[0] and not self.published
+
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
         self.gaps = self._learned(service, deadlines)
