@@ -422,7 +422,8 @@ class HealthyRobot:
         wanted = self._wanted if late else self.now
         held, self._held_back = self._held_back, []
         ros_time = self._clock(self.now)
-        self._watch(events.ClockTicked(self.now, ros_time, self._simulated, self._waited))
+        waited = (("", self._waited),)
+        self._watch(events.ClockTicked(self.now, ros_time, self._simulated, waited))
         for hear in held:
             hear()
         self._watch(events.Tick(self.now, min(wanted, self.now), self.now))

@@ -182,12 +182,13 @@ class Tick(Event):
 class ClockTicked(Event):
     """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer.
 
-    `waited`: s in all in which something waited for a processor, by the kernel; None: not known.
+    `waited`: s in all in which something waited for a processor, by the kernel, as far as that is
+    known: the threads of a node, by its name; any on this computer, by the empty name.
     """
 
     ros_time: float
     simulated: bool = False
-    waited: Optional[float] = None
+    waited: Tuple[Tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

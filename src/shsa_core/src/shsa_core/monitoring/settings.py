@@ -33,7 +33,8 @@ monitor connects within this to who is there."""
 SUBSCRIBE_S = 0.01
 """The same for each topic: connections of one are made while others are subscribed."""
 SHORT_SHARE = 0.5
-"""Of the time in which something waits for a processor: with less, healthy streams came in time."""
+"""Of the time in which something waits for a processor: with less, healthy streams came in time.
+So it is with what the threads of one node wait together: at 0.6 of its rate one waited for 0.9."""
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
 TOGETHER_S = 5.0
