@@ -140,7 +140,7 @@ LANGUAGE = (
         ("abs", "'abs' is a function: write abs(...)"),
         ("lowpass(a)", "lowpass(...) takes 2 arguments, not 1"),
         ("min(a)", "min(...) takes 2 or more arguments, not 1"),
-        ("abs(a, b)", "abs(...) takes 1 arguments, not 2"),
+        ("abs(a, b)", "abs(...) takes 1 argument, not 2"),
         ("abs(a=1)", "abs(...) takes no arguments by name"),
         ("a > b", "a condition stands where a number is needed; write '1 if condition else 0'"),
         (
@@ -189,8 +189,13 @@ LANGUAGE = (
         ("delay(a, -1)", "delay(...): the time must be above 0 and at most 10 s"),
         ("delay(a, 10.1)", "delay(...): the time must be above 0 and at most 10 s"),
         ("clip(a, 2, 1)", "clip(...): 2 is above 1"),
-        ("tanh(a, b)", "tanh(...) takes 1 arguments, not 2"),
+        ("tanh(a, b)", "tanh(...) takes 1 argument, not 2"),
         ("a b", "not an expression: it cannot be read from position 3 of 'a b'"),
+        (
+            "lowpass(a",
+            "not an expression: it cannot be read from position 8 of 'lowpass(a'; "
+            "a comma within {...} ends it, unless it is quoted",
+        ),
         (
             "1 " * 30,
             "not an expression: it cannot be read from position 3 of '" + ("1 " * 30)[:-1] + "'",

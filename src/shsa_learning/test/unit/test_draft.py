@@ -217,6 +217,35 @@ def test_what_a_node_subscribes_to_is_not_replaced_by_what_it_publishes(read: Re
     assert "    derived_from: [depth, velocity]  # its node subscribes to them" in made.som
 
 
+def test_a_controller_and_what_it_controls_make_no_loop(read: Reader) -> None:
+    robot = Robot()
+    robot.says("/odom", drive(), node="/base")
+    robot.says("/cmd_vel", drive(), node="/planner")
+    read.listed = (
+        frozenset(),
+        frozenset({("/odom", "/planner"), ("/cmd_vel", "/base")}),
+        frozenset(),
+    )
+    som, _ = read(robot.survey())
+    assert som.services["cmd_vel"].derived_from == ("odom",)
+    assert not som.services["odom"].derived_from
+    assert not any(each.name in som.services[of].upstream for each in som for of in each.upstream)
+
+
+def test_nodes_that_hear_each_other_make_no_loop(read: Reader) -> None:
+    robot = Robot()
+    names = ("front", "middle", "rear")
+    for name in (*names, "sum"):
+        robot.says(f"/{name}", drive(), node=f"/node_of_{name}")
+    around = {
+        (f"/{name}", f"/node_of_{after}") for name, after in zip(names, (*names[1:], names[0]))
+    }
+    read.listed = frozenset(), frozenset({*around, ("/rear", "/node_of_sum")}), frozenset()
+    som, _ = read(robot.survey())
+    assert {n for n, each in som.services.items() if each.derived_from} == {"sum"}
+    assert not any(each.name in som.services[of].upstream for each in som for of in each.upstream)
+
+
 def test_two_robots_on_one_master(read: Reader) -> None:
     robot = Robot()
     for name in ("/robot1", "/robot2"):

@@ -91,7 +91,7 @@ def _draw_events(axes: Axes, recording: Recording) -> None:
         label = f"{text}, {passed:.0f} ms"
         axes.annotate(label, (passed, row), xytext=(7, -3), textcoords="offset points", fontsize=9)
     axes.set_ylim(-0.6, len(moments) - 0.4)
-    axes.set_xlim(-0.04 * passed, 1.35 * passed)
+    axes.set_xlim(-0.04 * passed, 1.5 * passed)
     axes.set_title(f"Reconfiguration: what happened in these {passed:.0f} ms", fontsize=10)
 
 

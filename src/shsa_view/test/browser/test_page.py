@@ -14,6 +14,7 @@ from documents import (
     hostile,
     incident,
     large,
+    prop,
     robot,
 )
 from fed import Fed
@@ -44,6 +45,13 @@ PALE = """[...document.querySelectorAll('main *, header *, dialog *')].flatMap((
   const contrast = (one + 0.05) / (other + 0.05);
   return contrast < arguments[0] ? [`${element.textContent}: ${contrast.toFixed(2)}`] : [];
 })"""
+
+OUTSIDE = """[...document.querySelectorAll('.values > div > *')].flatMap((element) => {
+  const own = element.getBoundingClientRect();
+  const cell = element.closest('td').getBoundingClientRect();
+  return own.right > cell.right || own.left < cell.left ? [element.textContent] : [];
+})"""
+"""Names and values that reach beyond their column."""
 
 
 @pytest.fixture(scope="module")
@@ -351,6 +359,21 @@ def test_a_phone_needs_no_sideways_scrolling(
     browser.run("document.querySelector('#rows .name').click()")
     browser.wait("document.querySelector('.left') !== null")
     assert browser.run("document.documentElement.scrollWidth") == PHONE[0]
+    browser.driver.get("about:blank")
+
+
+@pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
+def test_values_stay_in_their_column(browser: Browser, served: List[Fed], size: Any) -> None:
+    told = robot()
+    told["services"]["amperemeter"]["properties"] = {
+        "specific_force_of_the_left_wheel": prop(-0.70123, "m/s^2", 0.00085),
+        "i": prop(-123456.789, "rad/s^2", 0.0012),
+    }
+    served.append(Fed(told))
+    browser.size(*size)
+    browser.open(served[0].address)
+    browser.wait("document.querySelector('#rows .told') !== null")
+    assert browser.run(OUTSIDE) == []
     browser.driver.get("about:blank")
 
 

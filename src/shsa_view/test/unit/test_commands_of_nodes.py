@@ -15,6 +15,14 @@ def test_a_command_can_be_typed_and_has_no_name_of_a_log() -> None:
     assert command(["b"], {"ROS_NAMESPACE": "/"}) == "b"
 
 
+def test_a_program_of_a_package_is_started_by_rosrun() -> None:
+    there = "/home/robot/ws/devel/lib/shsa_rover/amperemeter"
+    assert command([there, "_rate:=5"], {}) == "rosrun shsa_rover amperemeter _rate:=5"
+    assert command(["/usr/bin/python3", there], {}) == "rosrun shsa_rover amperemeter"
+    for words in (["python3"], ["python3", "lib"], ["/usr/bin/env", there], ["/opt/x/y"]):
+        assert command(words, {}) == " ".join(words)
+
+
 def test_the_command_of_a_node_that_runs_is_found() -> None:
     uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
     given = {**os.environ, "ROS_MASTER_URI": uri, "ROS_NAMESPACE": "/space"}

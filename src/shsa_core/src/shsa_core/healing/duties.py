@@ -5,6 +5,7 @@ from typing import DefaultDict, Dict, FrozenSet, Iterable, Mapping, Set, Tuple
 
 from shsa_core.errors import listed
 from shsa_core.healing.naming import Names
+from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 Pairs = FrozenSet[Tuple[str, str]]
@@ -34,7 +35,7 @@ def duties_of(
     published, subscribed, served = map(by_node, (publishers, subscribers, services))
     listeners, publishing = map(_grouped, (subscribers, publishers))
     named = {topic for each in som for topic in (each.topic, each.heard)}
-    orders = {each.heard for each in som if COMMANDS.search(f"{each.topic} {each.type}")}
+    orders = {each.heard for each in som if is_command(each)}
     gone = {each.node for each in som} - {node for _, node in publishers}
     found = {node: duties for node, duties in had.items() if node in gone}
 
@@ -65,6 +66,11 @@ def duties_of(
         ]
         found[node] = tuple(filter(None, duties))
     return {node: duties for node, duties in found.items() if duties}
+
+
+def is_command(service: Service) -> bool:
+    """Tell that a service is what a node is told to do, by its name or type."""
+    return COMMANDS.search(f"{service.topic} {service.type}") is not None
 
 
 def subscribers_of(som: Som, subscribers: Pairs) -> Dict[str, Tuple[str, ...]]:

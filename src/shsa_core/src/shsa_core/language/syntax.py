@@ -93,9 +93,11 @@ def syntax_tree(text: str) -> ast.expr:
     try:
         return ast.parse(text, NO_FILE, mode="eval").body
     except SyntaxError as error:
+        cut = text.count("(") > text.count(")")
+        hint = "; a comma within {...} ends it, unless it is quoted" if cut else ""
         raise ExpressionError(
             f"not an expression: it cannot be read from position {error.offset or 1} of "
-            f"'{_short(text)}'"
+            f"'{_short(text)}'{hint}"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
         raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
@@ -213,7 +215,8 @@ class _Checker:
             number = str(least) if most == least else f"{least} or more"
             if each > 1:
                 number = f"{least}, {least + each}, ..."
-            raise ExpressionError(f"{name}(...) takes {number} arguments, not {count}")
+            several = "" if number == "1" else "s"
+            raise ExpressionError(f"{name}(...) takes {number} argument{several}, not {count}")
         for argument in node.args:
             self.number(argument, depth + 1, always)
         if function.fixed is not None:

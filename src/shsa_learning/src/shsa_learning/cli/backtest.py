@@ -4,11 +4,18 @@ import json
 import math
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.cli._common import add_models, check_property, read_models, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
-from shsa_learning.cli._common import Table, show, whole_number
+from shsa_learning.cli._common import (
+    Table,
+    add_models,
+    check_property,
+    read_models,
+    show,
+    whole_number,
+)
 
 if TYPE_CHECKING:
     from shsa_learning.backtest.backtest import Ranking, Trial

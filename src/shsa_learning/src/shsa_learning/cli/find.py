@@ -3,7 +3,8 @@ import argparse
 import json
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
-from shsa_core.cli._common import add_models, add_without, check_known, read_models, say, without
+from shsa_core.cli._common import say
+from shsa_learning.cli._common import add_models, add_without, check_known, read_models, without
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError

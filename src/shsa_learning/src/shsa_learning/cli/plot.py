@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_learning.loss import lose
-from shsa_core.cli._common import add_models, add_without, check_property, read_models, without
+from shsa_learning.cli._common import add_models, add_without, check_property, read_models, without
 from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, NoSubstitute

@@ -6,11 +6,19 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, List, Optional, Sequence
 
-from shsa_core.cli._common import add_models, read_models, say
+from shsa_core.cli._common import say
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_learning.cli._common import WIDEST, Table, render, show, whole_number
+from shsa_learning.cli._common import (
+    Table,
+    WIDEST,
+    add_models,
+    read_models,
+    render,
+    show,
+    whole_number,
+)
 from shsa_learning.cli.plot import CannotDraw, draw
 from shsa_learning.report.report import NodeReport, Report, ServiceReport, Suggestion, Survival
 from shsa_learning.report.resilience import analyse

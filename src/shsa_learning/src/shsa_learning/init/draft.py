@@ -6,13 +6,16 @@ import textwrap
 from dataclasses import dataclass
 from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 
+import networkx as nx
+
 from shsa_core.errors import ModelError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.som_file import read_tree
-from shsa_core.healing.duties import Pairs, duties_of
+from shsa_core.healing.duties import Pairs, duties_of, is_command
 from shsa_core.healing.naming import Names
 from shsa_core.model.field import ANGLES, is_distance, parse_field
 from shsa_core.model.field_type import WHOLE
+from shsa_core.model.som import Som
 from shsa_core.text import shown
 from shsa_learning.init.meanings import SLIDES
 from shsa_learning.init.naming import property_name, service_names
@@ -127,6 +130,7 @@ def _by_graph(services: List[str], survey: Survey, listed: Listed) -> List[str]:
     publishers |= {(each.publisher.topic, each.publisher.node) for each in survey.facts}
     som, _ = read_tree(parse_yaml(_text(["services:", *services]), "the draft"))
     duties = duties_of(som, Names("/"), publishers, *listed[1:])
+    reads = _reads(som, listed[1])
     told: List[List[str]] = []
     for service in som:
         lines = []
@@ -134,14 +138,30 @@ def _by_graph(services: List[str], survey: Survey, listed: Listed) -> List[str]:
         if reason:
             why = f"it {shown(reason, LONGEST)}, which nothing takes over"
             lines.append(f"    contain: none  # {why}")
-        read = [each for each in som if (each.topic, service.node) in listed[1]]
-        names = [each.name for each in read if each.node != service.node]
+        names = list(reads.predecessors(service.name))
         if names:
             why = "its node subscribes to them: keep those that it is computed from"
             lines.append(f"    derived_from: [{', '.join(names)}]  # {why}")
         told.append(lines)
     found = iter(told)
     return [new for line in services for new in (*(next(found) if line == PROVIDES else ()), line)]
+
+
+def _reads(som: Som, subscribers: Pairs) -> "nx.DiGraph[str]":
+    """Return an edge from each service to those whose node subscribes to it; without loops.
+
+    A node does not compute what it measures from its commands. Of other loops nobody knows where
+    they are open.
+    """
+    reads: "nx.DiGraph[str]" = nx.DiGraph()
+    reads.add_nodes_from(each.name for each in som)
+    for service in som:
+        others = [each for each in som if each.node != service.node and not is_command(each)]
+        heard = [each.name for each in others if (each.topic, service.node) in subscribers]
+        reads.add_edges_from((name, service.name) for name in heard)
+    loops = map(reads.subgraph, list(nx.strongly_connected_components(reads)))
+    reads.remove_edges_from([edge for loop in loops for edge in loop.edges])
+    return reads
 
 
 def _invalid(entry: _Entry) -> str:

@@ -1,7 +1,8 @@
 """The commands by which the robot's nodes on this computer were started: the kernel tells."""
 import shlex
 import time
-from typing import Callable, Collection, Dict, Iterable, Iterator, List, Tuple
+from pathlib import Path
+from typing import Callable, Collection, Dict, Iterable, Iterator, List, Sequence, Tuple
 
 from shsa_core.ros.processes.kernel import robot_processes
 from shsa_core.ros.workers import Workers
@@ -42,5 +43,12 @@ def command(words: List[str], variables: Dict[str, str]) -> str:
     """Return what starts a node again in a terminal."""
     namespace = variables.get("ROS_NAMESPACE", "")
     place = f"ROS_NAMESPACE={shlex.quote(namespace)} " if namespace.strip("/") else ""
-    kept = (word for word in words if not word.startswith(OF_LOG))
+    kept = (word for word in by_rosrun(words) if not word.startswith(OF_LOG))
     return place + " ".join(map(shlex.quote, kept))
+
+
+def by_rosrun(words: Sequence[str]) -> Sequence[str]:
+    """Return the command by rosrun of a program that lies where catkin puts those of a package."""
+    at = 1 if Path(words[0]).name.startswith("python") and len(words) > 1 else 0
+    *_, folder, package, program = ("", "", *Path(words[at]).parts)
+    return ["rosrun", package, program, *words[at + 1 :]] if folder == "lib" else words

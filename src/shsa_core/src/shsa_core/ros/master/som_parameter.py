@@ -170,10 +170,13 @@ class SomWatch:
             _ask(partial(rospy.set_param, begin + name, plain))
 
     def _put_back(self, value: object) -> None:
-        """No service is left at shsa/som, as with a master that is new: the last ones stay."""
-        _, errors = merge_parameters(self._som, value, self._name)
-        why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
-        rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
+        """No service is left at shsa/som: the last ones stay. A master that is new has nothing."""
+        if value == {}:
+            rospy.loginfo("%s is not there, as on a new master. It is put back.", self._name)
+        else:
+            _, errors = merge_parameters(self._som, value, self._name)
+            why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
+            rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
         _ask(lambda: put_som(self._som))
 
 
