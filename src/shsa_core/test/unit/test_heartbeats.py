@@ -15,7 +15,7 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
+from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs, hears
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
 from shsa_testing.waiting import wait_until
@@ -44,6 +44,12 @@ def beating(role: str) -> "Iterator[subprocess.Popen[bytes]]":
     yield process
     process.kill()
     process.wait()
+
+
+def test_it_is_known_whether_anybody_hears(role: str) -> None:
+    assert not hears(role)
+    signs = Signs(role)
+    assert hears(role) and signs.names() == []
 
 
 def test_a_sign_of_life_comes_with_its_process(

@@ -90,8 +90,8 @@ def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watche
 def test_what_a_former_reconfigurator_knew_is_taken_over_by_whoever_tells_of_it() -> None:
     health = Health()
     for topic in ("/current", "/steering"):
-        health.recall(0.0, row(topic))
+        health.recall(row(topic))
     health.heed(told(PI, "/current"))
     health.heed(told("", "/steering"))
-    assert health.missed(START_S).removed == ()  # type: ignore[union-attr]
+    assert health.missed(2.0 * START_S).removed == ()  # type: ignore[union-attr]
     assert healthy(health, "/steering", "/current") == ["/steering", "/current"]

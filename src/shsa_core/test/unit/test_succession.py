@@ -14,16 +14,23 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
+Subscribers = Tuple[Tuple[str, Tuple[str, ...]], ...]
+
 
 def succeed(
-    robot: Robot, time: float, running: Tuple[str, ...] = (), **changes: Any
+    robot: Robot,
+    time: float,
+    running: Tuple[str, ...] = (),
+    subscribers: Subscribers = (),
+    **changes: Any,
 ) -> List[events.Command]:
     """The reconfigurator is killed, and the next one starts; `changes`: its models."""
     core = robot.core
     models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core.robot.som, **changes}
     records, robot.written = tuple(robot.written.values()), {}
     robot.core, robot.shown = Reconfigurator(settings=core.settings, **models), {}
-    return robot.handle(events.Started(time, (), (), records, running))
+    started = events.Started(time, (), (), records, running, subscribers=subscribers)
+    return robot.handle(started)
 
 
 def test_what_publishes_goes_on_and_keeps_its_incident() -> None:
@@ -83,6 +90,36 @@ def test_idle_processes_stay_ready() -> None:
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == idle.node
 
 
+def test_who_did_well_does_so_until_a_monitor_is_there() -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    commands = succeed(robot, 20.0, (node,))
+    commands += robot.handle(events.Tick(40.0))  # both healers died, and the monitor starts slowly
+    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    del robot.rows["/b", B]
+    assert not has(robot.table(40.1), events.AssignSubstitute)
+    commands = robot.handle(events.Tick(45.2))
+    assert only(commands, events.AssignSubstitute).node == node
+    assert [row.topic for row in robot.shown[node].inputs] == ["/c"]
+
+
+@pytest.mark.parametrize("standby", [Standby.WARM, Standby.HOT])
+def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby) -> None:
+    som = Som([service("a", A, needed=None, standby=standby), *list(SOM)[1:]])  # type: ignore
+    robot = Robot(som)
+    heard = (("/a", ("/user",)), ("/b", ()), ("/c", ()))
+    robot.handle(events.GraphSeen(1.1, heard))
+    robot.idle(1.2)
+    nodes = tuple(row.node for row in robot.shown.values() if row.node)
+    assert len(nodes) == 1
+    commands = succeed(robot, 20.0, nodes, heard, som=som)
+    commands += robot.table(20.1) + robot.idle(20.2)
+    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
+    robot.handle(events.GraphSeen(20.3, (("/a", ()),)))
+    gone = robot.idle(20.4)
+    assert standby is Standby.WARM or not robot.core.substitutes, gone
+
+
 def test_a_process_that_nothing_tells_of_is_ended() -> None:
     robot = Robot()
     commands = succeed(robot, 20.0, ("/substitute_a_7",))
@@ -135,7 +172,9 @@ def test_who_was_well_counts_until_the_monitor_tells() -> None:
     commands = succeed(robot, 20.0)
     states = {row.service.name: row for row in only(commands, events.ShowSom).rows}
     assert states["a"].available and states["a"].healthy == (A,)
-    commands = robot.handle(events.Tick(25.0))
+    assert not has(robot.handle(events.Tick(40.0)), events.ShowSom)
+    robot.handle(events.HealthSeen(40.1, (), whole=True))
+    commands = robot.handle(events.Tick(45.2))
     assert not any(row.available for row in only(commands, events.ShowSom).rows)
 
 

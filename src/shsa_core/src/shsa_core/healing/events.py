@@ -56,7 +56,8 @@ class Started(Event):
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
     were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: nodes whose names begin so, and of which nobody knows that.
+    `strangers`: nodes whose names begin so, and of which nobody knows that. `subscribers` of topics
+    as in GraphSeen.
     """
 
     leftovers: Tuple[str, ...] = ()
@@ -64,6 +65,7 @@ class Started(Event):
     records: Tuple[Record, ...] = ()
     running: Tuple[str, ...] = ()
     preparing: bool = False
+    subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,9 @@ class Health:
         ended is so until the next one has heard it, or should have.
         """
         self._lost.discard(change.host)
-        if change.anew:
+        if change.anew or (self._unheard and self.due is None):
             self.due = change.time + START_S
+        if change.anew:
             known = self._told(change.host)
             self._unheard.update((key, None) for key in known if self.healthy(key))
         rows = self._returned(change.time, self._heard(change))
@@ -191,11 +192,10 @@ class Health:
         rows = tuple(row for row in told.values() if row is not None)
         return HealthSeen(time, rows, tuple(key for key, row in told.items() if row is None))
 
-    def recall(self, time: float, row: PublisherHealth) -> None:
+    def recall(self, row: PublisherHealth) -> None:
         """Put who did well when a former reconfigurator ended, until a monitor has told of it."""
         self._put(row)
         self._unheard[row.key] = None
-        self.due = time + START_S
 
     def doubt(self, key: Key) -> None:
         """Note that one was silent before we started: who tells that it does well means now."""

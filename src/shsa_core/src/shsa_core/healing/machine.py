@@ -77,7 +77,7 @@ class Reconfigurator:
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
-                events.Started: partial(succession.started, core),
+                events.Started: self._started,
                 events.Prepared: self._prepared,
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
@@ -207,6 +207,15 @@ class Reconfigurator:
             return service.needed
         healing = service.name in self.services and self.incident(service.name) is not None
         return healing or bool(self._consumers.get(service.heard))
+
+    def _started(self, event: events.Started) -> List[Command]:
+        """Begin; what is needed is known first: processes that stand by for it are taken up."""
+        heard = ((topic, self.names.consumers(nodes)) for topic, nodes in event.subscribers)
+        self._consumers.update(heard)
+        self.robot.som = self.robot.planner.som = self._as_told(self._given)
+        for service in self.robot.som:
+            self._offer(service)
+        return succession.started(self._core, event)
 
     def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
         for topic, nodes in event.subscribers:

@@ -10,7 +10,6 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
 
-
 Row = TypeVar("Row")
 Shown = TypeVar("Shown")
 

@@ -131,11 +131,8 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     unseen = robot.health.row((spec.topic, service.node)) is None
     spare = service.processes.pool.spare(substitute.host) if is_warm(spec) else None
     away = not robot.computers.reachable(robot.computers.name(spec.host))
-    starting = (
-        unseen
-        and substitute.starting
-        and not (spare is not None and spare.node in service.processes.pool.heard)
-    )
+    ready = spare is not None and spare.node in service.processes.pool.heard
+    starting = unseen and substitute.starting and not ready
     if starting or not robot.health.watched(spec.topic, away):
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience

@@ -35,7 +35,6 @@ from shsa_core.monitoring.events import PublisherHealth, PublisherState
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
 STORY_LENGTH = 20
 
-
 Failure = Optional[FailureSeen]
 Action = Callable[["ServiceMachine", Failure], List[Command]]
 Transitions = Mapping[Tuple[State, Trigger], Tuple[Action, FrozenSet[State]]]

@@ -81,7 +81,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
     commands: List[Command] = []
     for record in event.records:
         if isinstance(record, Healthy):
-            commands += _recall(core, event.time, record)
+            commands += _recall(core, record)
     commands += core.settle()
     for record in event.records:
         if isinstance(record, IdleProcess) and record.node in event.running:
@@ -93,7 +93,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
     return commands
 
 
-def _recall(core: Core, time: float, record: Healthy) -> List[Command]:
+def _recall(core: Core, record: Healthy) -> List[Command]:
     """Count a publisher as well that was so; not a substitute that has ended."""
     robot, node = core.robot, record.publisher
     ours = node in robot.health.substitutes
@@ -103,7 +103,7 @@ def _recall(core: Core, time: float, record: Healthy) -> List[Command]:
     state = PublisherState.HEALTHY
     moments, template = (since, since, since), record.template
     row = PublisherHealth(record.topic, node, state, *moments, last_message=template)
-    robot.health.recall(time, row)
+    robot.health.recall(row)
     robot.records.set(record.key, record)
     if ours:
         return []

@@ -160,7 +160,7 @@ class ReconfiguratorNode:
         self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
         self._may_act(som)
         self._listen(som, taking_up=True)
-        heritage = take_over(self._local, self._hosts.take_up())
+        heritage = take_over(self._local, som, self._hosts.take_up())
         self._records = heritage.file
         self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
@@ -329,7 +329,7 @@ class ReconfiguratorNode:
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
         now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, had=self._listed[1])]
         new = [
-            tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k, ()) != b.get(k, ()))
+            tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k) != b.get(k, ()))
             for a, b in zip(self._listed, now)
         ]
         self._listed = now

@@ -19,7 +19,7 @@ from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG
 from shsa_core.ros.outputs import Outputs
-from shsa_core.ros.processes.heartbeats import HOST, Heart, hearer
+from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer, hears
 from shsa_core.ros.row_reader import RowReader, unusable
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
@@ -60,7 +60,8 @@ class SubstituteNode:
         self._inputs = Inputs(row.node, self._clock, rests)
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
-        self._heart = Heart(hearer(os.environ.get(HOST, "")))
+        self._host = os.environ.get(HOST, "")
+        self._heart = Heart(hearer(self._host))
         self._outputs = Outputs(
             lambda topic: put(events.Advertised(self._clock.now(), topic)),
             lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
@@ -154,7 +155,7 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        alone = not self._heart.beat(at_once=True)
+        alone = not self._heart.beat(at_once=True) or not (self._host or hears(MONITOR))
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _compose(self, command: events.Compose) -> None:

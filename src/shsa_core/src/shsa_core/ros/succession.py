@@ -8,11 +8,14 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
+from shsa_core.healing.duties import subscribers_of
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import Former, RecordFile, read_records
+from shsa_core.model.som import Som
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.registrations import read_pairs
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
 
@@ -28,7 +31,7 @@ class Heritage(NamedTuple):
     file: RecordFile
 
 
-def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
+def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Heritage:
     """Look what a former reconfigurator of this master and namespace has left, and watch it.
 
     `elsewhere`: what agents on other computers have told to run there.
@@ -47,21 +50,23 @@ def take_over(host: LocalHost, elsewhere: Collection[str] = ()) -> Heritage:
     )
     for node in host.restarts.children.running():
         records += (RestartedNode(node, host.restarts.is_with_us(node)),)
-    leftovers, strangers = _registered(host, set(running))
-    started = events.Started(clock.now(), leftovers, strangers, records, tuple(running))
+    publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
+    nodes = {node for _, node in publishers}
+    started = events.Started(
+        clock.now(),
+        *_sorted_out(host, nodes - set(running)),
+        records,
+        tuple(running),
+        subscribers=tuple(subscribers_of(som, subscribers).items()),
+    )
     return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
 
 
-def _registered(host: LocalHost, left: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
-    """Return the other nodes registered with a substitute's name: those that are dead; strangers.
-
-    What runs here as ours was found by its process.
-    """
-    publishers, _, _ = master_api().getSystemState()
-    nodes = {node for _, nodes in publishers for node in nodes}
+def _sorted_out(host: LocalHost, nodes: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
+    """Return the nodes with a substitute's name: those that are dead; strangers."""
     dead: List[str] = []
     strangers: List[str] = []
-    for node in sorted(each for each in nodes - left if each.startswith(host.prefix)):
+    for node in sorted(each for each in nodes if each.startswith(host.prefix)):
         try:
             known = host.nodes.look(node)
         except FAILURES:

@@ -154,7 +154,7 @@ class LookAtOthers:
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: whether the connection stands; `alone`: there is no reconfigurator."""
+    """The answer to a look: whether the connection stands; `alone`: a healer is not there."""
 
     look: LookAtOthers
     stands: bool

@@ -2,7 +2,7 @@
 
 Only a silent connection is bridged: one that has ended is the reconfigurator's to judge, which is
 told at once, and tells a node that died from one that was stopped on purpose. Until its word comes,
-or where there is none, the substitute fills in for a node that is gone.
+or where there is none, as without a monitor, the substitute fills in for a node that is gone.
 """
 import math
 from typing import Callable, List, Optional, Tuple
@@ -39,7 +39,7 @@ class OtherPublishers:
         self._read = sources()  # when they were heard
         self._awaited: Optional[LookAtOthers] = None
         self._look = math.inf
-        self._alone = 0  # looks for which it goes on without a reconfigurator
+        self._alone = 0  # looks for which it goes on without a healer
 
     def follow(self, row: Substitution, topic: str, may_bridge: bool) -> None:
         """Follow another row; `topic`: that of the program, which may fill in or not."""

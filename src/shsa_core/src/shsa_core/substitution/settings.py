@@ -22,7 +22,7 @@ LOOK_AGAIN_S = 0.05
 """Between two looks whether the original's connection stands; by then the reconfigurator has
 spoken about one that has ended."""
 ALONE_LOOKS = 100
-"""It goes on for so many more if there was no reconfigurator: another one starts within 2 s."""
+"""It goes on for so many more if a healer was not there: another one starts within 2 s."""
 
 # When it hands consumers over to an original that is back.
 YIELD_S = 1.0

@@ -37,6 +37,16 @@ def hearer(host: str) -> str:
     return f"agent {host}" if host else RECONFIGURATOR
 
 
+def hears(role: str) -> bool:
+    """Tell that there is a hearer of that role; it may hang."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(_address(role))
+        except OSError:
+            return False
+    return True
+
+
 class Sign(NamedTuple):
     """The last sign of life: whose process that is, and when it came, in s."""
 
