@@ -84,6 +84,13 @@ class LaunchEnding(Event):
 
 
 @dataclass(frozen=True)
+class MaintenanceSet(Event):
+    """Maintenance begins, or ends; while it is `on`, nothing is killed or started."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
 class FailureSeen(Event):
     """A monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
