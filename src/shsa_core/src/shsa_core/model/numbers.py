@@ -1,6 +1,6 @@
 """Compares the numbers by which the publishers of a service are judged with other ones."""
 from math import inf
-from typing import Optional
+from typing import Any, List, Tuple
 
 from shsa_core.model.service import Service, is_within
 
@@ -19,21 +19,11 @@ def allows_more(new: Service, old: Service) -> bool:
 
 def differences(new: Service, old: Service, when: str) -> str:
     """Return the numbers that differ, in words; `when` the old ones count."""
-    said = []
-    if new.period != old.period:
-        said.append(f"period: {_word(new.period)} ({when} {_word(old.period)})")
-    if new.deadline != old.deadline:
-        said.append(f"deadline: {new.deadline or 'usual'} ({when} {old.deadline or 'usual'})")
-    if new.checks != old.checks:
-        said.append("checks")
-    for now, before in zip(new.provides, old.provides):
-        if now.range != before.range:
-            what = f"range of {now.property}: {now.range or 'none'}"
-            said.append(f"{what} ({when} {before.range or 'none'})")
-        if now.checks != before.checks:
-            said.append(f"checks of {now.property}")
+    pairs = list(zip(new.provides, old.provides))
+    told: List[Tuple[str, Any, Any]]
+    told = [("period", new.period, old.period), ("deadline", new.deadline, old.deadline)]
+    told += [(f"range of {now.property}", now.range, before.range) for now, before in pairs]
+    said = [f"{what}: {n or 'none'} ({when} {b or 'none'})" for what, n, b in told if n != b]
+    said += ["checks"] if new.checks != old.checks else []
+    said += [f"checks of {now.property}" for now, was in pairs if now.checks != was.checks]
     return ", ".join(said)
-
-
-def _word(period: Optional[float]) -> str:
-    return "none" if period is None else f"{period:g}"

@@ -28,8 +28,7 @@ from shsa_core.ros.agent.remote import HostState
 from shsa_core.text import shown
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
-"""Keys of a service's row: how often a late message was filled in for, the node's duties, and what
-live parameters allow."""
+"""Keys of a service's row: late messages filled in for, duties, what live parameters allow."""
 MAINTENANCE = "maintenance"
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {

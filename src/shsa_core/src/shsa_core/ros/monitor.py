@@ -76,8 +76,7 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        put_back = lambda service: self._som_watch.put_back(service)
-        self._commands = Commands(self._last_messages, signing, arguments.host, put_back)
+        self._commands = Commands(self._last_messages, signing, arguments.host)
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
@@ -98,7 +97,7 @@ class MonitorNode:
         namespace = rospy.get_namespace()
         reread = lambda: read_som(arguments.som, namespace)
         watch = later(self._som_changed), arguments.live_parameters, reread
-        self._som_watch: som_parameter.SomWatch = som_parameter.SomWatch(som, *watch)
+        self._commands.on_server = som_parameter.SomWatch(som, *watch).put_back
         changed = later(self._substitutions_changed)
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, changed, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, later(self._som_state), signing)
@@ -159,7 +158,8 @@ class MonitorNode:
         before, self._ahead = self._ahead, ros_time - now
         if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
-            waited = waited_in_all(self._arguments.pressure)
+            path = self._arguments.pressure
+            waited = (*waited_in_all(path), *self._launches.waited()) if path else ()
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
     def _guarded(self, handle: Callable[..., object], *what: Any) -> None:

@@ -16,19 +16,12 @@ from shsa_core.ros.workers import Workers
 
 
 class Commands:
-    """Publishes for the monitor of a `host`; empty: for the robot's.
+    """Publishes for the monitor of a `host`; empty: for the robot's."""
 
-    `put_back`: the numbers that count, onto the server.
-    """
+    on_server: Callable[[Service], None]
 
-    def __init__(
-        self,
-        last_messages: LastMessages,
-        signing: Signing,
-        host: str,
-        put_back: Callable[[Service], None],
-    ) -> None:
-        self._last_messages, self._on_server = last_messages, put_back
+    def __init__(self, last_messages: LastMessages, signing: Signing, host: str) -> None:
+        self._last_messages = last_messages
         self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._parameters = Workers("parameters")
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
@@ -93,4 +86,4 @@ class Commands:
         service = refusal.service
         text = "Refused: %s. If it is meant, stop the node, change it, and start the node again."
         rospy.logwarn(text, refusal.text)
-        self._parameters.put(lambda: self._on_server(service))
+        self._parameters.put(lambda: self.on_server(service))

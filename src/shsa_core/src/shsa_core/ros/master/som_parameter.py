@@ -80,9 +80,8 @@ class SomWatch:
     def put_back(self, service: Service) -> None:
         """Go on by the numbers that count of a service, on the server as well."""
         with self._lock:
-            self._som = self._som.with_services(
-                service if each.name == service.name else each for each in self._som
-            )
+            changed = {**self._som.services, service.name: service}
+            self._som = self._som.with_services(changed.values())
             name = f"{self._name}/services/{service.name}"
             _ask(lambda: rospy.set_param(name, service_parameters(service)))
 
