@@ -22,6 +22,7 @@ from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import Settings
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
@@ -164,6 +165,11 @@ class Reconfigurator:
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
         return self._core.incident(service)
+
+    def errors(self, service: str) -> Tuple[Optional[Error], ...]:
+        """Return the errors that are stated by now of what the substitute of a service gives."""
+        plan = self.services[service].substitute.plan
+        return self.robot.planner.errors(plan) if plan and plan.computes else ()
 
     def find(self, name: str) -> Service:
         """Return the service of a name, a topic or a property; a needed one first.

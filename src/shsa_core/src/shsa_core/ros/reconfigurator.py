@@ -369,7 +369,9 @@ class ReconfiguratorNode:
 
     def _report(self) -> None:
         self._heed_added()
-        open_ = self._incidents.open()
+        core, found = self._core, self._incidents.open().items()
+        known = {name: each for name, each in found if name in core.services}
+        open_ = {name: replace(each, errors=core.errors(name)) for name, each in known.items()}
         told = self._core.needed(), open_, self._master.told(), self._hosts.told(), self._listed[1]
         self._diagnostics.show(told)
 
