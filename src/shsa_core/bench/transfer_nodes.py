@@ -165,8 +165,12 @@ def _has_services(node: str) -> bool:
 
 
 def plot(results: Results, path: Path) -> None:
-    """Box plots over the number of application nodes, one panel a measure."""
-    figure, axes = plt.subplots(2, 3, figsize=(13, 7), constrained_layout=True)
+    """Box plots over the number of application nodes, one panel a measure: first the paper's."""
+    measured = {name for name, _ in results.values}
+    taken_over = any(name in measured for name in TAKEOVERS)
+    columns = 3 if taken_over else 2
+    size = 4.3 * columns, 7.0
+    figure, axes = plt.subplots(2, columns, figsize=size, constrained_layout=True)
     for axis, measure in zip(axes.T.flat, (*PAPER, *TAKEOVERS)):
         steps = sorted(nodes for name, nodes in results.values if name == measure)
         if steps:

@@ -184,6 +184,7 @@ def growth(rows: Iterable[Row], value: Callable[[Row], float]) -> float:
 
 def by_size(sizes: Sequence[int], say: Say, goals: Goals) -> List[Row]:
     """Return every shape in every size."""
+    finders: Sequence[Callable[..., object]] = (find_substitute, find_first)
     rows = []
     for name, shape in SHAPES.items():
         models = []
@@ -199,7 +200,7 @@ def by_size(sizes: Sequence[int], say: Say, goals: Goals) -> List[Row]:
             ontology, services, _ = models[i]
             times = [
                 least(lambda: find(ontology, services, TARGET, [f"/{TARGET}"]), 0.3)
-                for find in (find_substitute, find_first)
+                for find in finders
             ]
             best[i] = min(best.get(i, times[0]), times[0])
             first[i] = min(first.get(i, times[1]), times[1])
@@ -373,6 +374,28 @@ def second_best(sizes: Sequence[int], say: Say, goals: Goals) -> None:
     goals.at_most("growth exponent of the second-best in a ring", "", 2.2, exponent, "")
 
 
+def by_deadline(size: int, say: Say, goals: Goals) -> None:
+    """Return the quality that is found by each deadline, and when the answer comes."""
+    for name in ("cycles", "knot"):
+        functions, services = SHAPES[name](size)
+        ontology = Ontology({}, {}, functions)
+        times: List[float] = []
+        qualities: List[float] = []
+        for steps in (10, 100, 1000, 3000, 10000, None):
+            question = ontology, services, TARGET, [f"/{TARGET}"], steps
+            found = find_substitute(*question)
+            times.append(least(lambda: find_substitute(*question), 0.3))
+            qualities.append(found.quality)
+            whole = "all" if steps is None else f"{steps} steps"
+            say(
+                f"{name:7} {size} relations, {whole:>11}: quality {found.quality:.3g} after "
+                f"{1e3 * times[-1]:.1f} ms, proven best: {found.proven_best}"
+            )
+        assert qualities == sorted(qualities)
+        share = times[0] / times[-1]
+        goals.at_most(f"first answer, by the time of the best, {name}", "", 0.5, share, "")
+
+
 def plot(rows: List[Row], path: Path) -> None:
     figure, (time, space) = pyplot.subplots(1, 2, figsize=(11, 4.5))
     for name in SHAPES:
@@ -417,6 +440,7 @@ def main() -> None:
     resilience(say, goals)
     unhealable([5000, 20000], say, goals)
     second_best([1000, 4000], say, goals)
+    by_deadline(min(options.largest, 10**5), say, goals)
     with open(options.results / "search_cost.csv", "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(Row._fields)

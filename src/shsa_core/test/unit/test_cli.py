@@ -32,6 +32,21 @@ def shsa(capsys: Any) -> Shsa:
     return run
 
 
+def test_maintenance_is_a_file_of_our_own(tmp_path: Any, monkeypatch: Any, capsys: Any) -> None:
+    pytest.importorskip("rospy")
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:11311")
+    for word, told in (("", "off"), ("on", "on"), ("", "on"), ("off", "off"), ("", "off")):
+        assert main(["maintenance", word] if word else ["maintenance"]) == 0
+        assert capsys.readouterr().out == f"maintenance is {told}\n"
+    main(["maintenance", "on", "--namespace", "/other"])
+    assert main(["maintenance"]) == 0 and capsys.readouterr().out.endswith("maintenance is off\n")
+    (made,) = (tmp_path / "shsa").iterdir()
+    made.chmod(0o666)
+    main(["maintenance", "--namespace", "other"])
+    assert capsys.readouterr().out == "maintenance is off\n"
+
+
 @pytest.fixture
 def found(shsa: Shsa) -> Found:
     """Runs `shsa find --json`; returns its exit status and the document."""

@@ -22,6 +22,7 @@ from shsa_core.search.derivation import Derivation
 from shsa_core.search.substitutes import find_substitute
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference"
+ROSTEST = pathlib.Path(__file__).resolve().parents[1] / "rostest"
 TEXT = (REFERENCE / "ontology.md").read_text("utf-8")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 SOM_TEXT = (REFERENCE / "som.md").read_text("utf-8")
@@ -97,7 +98,10 @@ def test_the_code_of_f1_and_the_listing_of_the_paper_are_as_shown(ontology: Any)
     )
     code = generate([(root, "/battery_current/data")], ontology.constants).code
     assert code.replace("\n", "\n    ").strip() in TEXT
-    listing = block_after("The paper's own listing")
+    page = (REFERENCE.parent / "tutorials" / "paper.md").read_text("utf-8")
+    listing = page.split("CODE='")[1].split("'\n")[0]
+    rostest = (ROSTEST / "paper_listing_test").read_text("utf-8")
+    assert listing.replace("\\", "\\\\") in rostest
     x = (0.5, -0.2, 1.5, -3.0, 12.2)
     results = [compile_program(each, 5, 1).step(x, 0.0) for each in (code, listing)]
     assert results[0] == results[1]

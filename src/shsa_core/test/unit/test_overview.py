@@ -251,9 +251,12 @@ DOES = ("takes /cmd_vel", "broadcasts tf")
 def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int) -> None:
     current = replace(service(), needed=True)
     other = replace(current, name="other")
-    first, second, master = healing_rows(
-        ([current, other], {"current": incident(state)}, MasterState(), (), {NODE: DOES})
+    open_ = {"current": incident(state)}
+    first, second, maintenance, master = healing_rows(
+        ([current, other], open_, MasterState(), (), {NODE: DOES}, state is State.KEPT)
     )
+    assert maintenance.name == "maintenance"
+    assert maintenance.level == (WARN if state is State.KEPT else OK)
     assert (master.name, master.level) == ("ROS master", OK)
     assert (first.name, first.level, first.hardware_id) == ("current", expected, NODE)
     assert first.message == f"{state}: x"

@@ -19,7 +19,7 @@ from core_robot import (
     publishing,
 )
 from shsa_core.errors import ModelError
-from shsa_core.healing import events
+from shsa_core.healing import events, planner
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import CERTAIN_S
@@ -446,3 +446,14 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
         assert not robot.core.substitutes
     assert len(names) == 20
+
+
+def test_a_search_during_a_failure_has_a_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner, "STEPS", 0)
+    functions = [function("poor", "a", "2 * c", 0.5), function("z", "a", "d + 1", 0.9)]
+    functions.append(function("far", "d", "b + 1", 1.0))
+    robot = Robot(ontology=Ontology({name: Property(name) for name in "abcd"}, {}, functions))
+    robot.core.robot.planner.plans.forget("a")  # none was made ahead
+    assert program_of(robot.fail("/a", A, 10.0)).inputs == ("/c/data",)
+    best = robot.core.explain("a")
+    assert best.relations == ("z", "far") and best.proven_best

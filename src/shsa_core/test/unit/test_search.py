@@ -4,6 +4,7 @@ from typing import List, Sequence, Tuple
 
 import pytest
 from hypothesis import event, given, settings
+from hypothesis.strategies import integers
 from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.codegen.choice import substitutes
@@ -43,6 +44,33 @@ def test_substitute_is_the_best_of_all(model: Model) -> None:
         assert rank(found.derivation) == every[0]
         assert found.quality == pytest.approx(float(-every[0][0]))
         assert found.proven_best
+
+
+@RANDOM
+@given(models, integers(0, 8))
+def test_a_search_with_a_deadline_finds_a_substitute_where_there_is_one(
+    model: Model, steps: int
+) -> None:
+    robot, sources, excluded = model
+    every = every_rank(model)
+    if not every:
+        with pytest.raises(NoSubstitute):
+            find_substitute(robot, sources, "a", excluded, steps)
+    elif len(every) < MANY:
+        found = find_substitute(robot, sources, "a", excluded, steps)
+        assert rank(found.derivation) in every
+        assert found.proven_best <= (rank(found.derivation) == every[0])
+
+
+def test_more_steps_find_a_better_substitute() -> None:
+    first = [law("a", "a", "b", quality=0.5), law("b", "b", "s", quality=0.5)]
+    far = [law("z0", "a", "c1", quality=0.9)]
+    far += [law(f"c{i}", f"c{i}", f"c{i + 1}", quality=0.99) for i in range(1, 20)]
+    robot = ontology(*first, *far, law("c20", "c20", "s", quality=0.99))
+    found = [find_substitute(robot, [source("s")], "a", (), steps) for steps in (0, 4, 24, None)]
+    assert [each.proven_best for each in found] == [False, False, True, True]
+    assert [each.quality for each in found[:2]] == [0.25, 0.25]
+    assert [each.quality for each in found[2:]] == [pytest.approx(0.9 * 0.99**20)] * 2
 
 
 @RANDOM

@@ -135,7 +135,7 @@ def test_diagnostics_are_printable() -> None:
     service = Service("s", "/a", "std_msgs/Float64", "/n", 1.0, (Provision("a", "data"),))
     incident = Incident(1, "s", "/a", ("a",), EVIL, Kind.OTHER, EVIL * 1000, 0.0)
     told = master_watch.MasterState()
-    row, *_ = diagnostics.healing_rows(([service], {"s": incident}, told, (), {}))
+    row, *_ = diagnostics.healing_rows(([service], {"s": incident}, told, (), {}, False))
     texts = [row.message, *(value.value for value in row.values)]
     assert any("owned" in text for text in texts)
     assert all(text.isprintable() and len(text) < 20_000 for text in texts)

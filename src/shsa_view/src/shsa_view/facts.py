@@ -157,6 +157,13 @@ class Healer:
 
 
 @dataclass(frozen=True)
+class MaintenanceTold:
+    """The robot is maintained, or is so no more: healing kills and starts nothing meanwhile."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
 class HostTold:
     """The state of a computer of the robot: heard, lost or unknown."""
 
@@ -190,6 +197,7 @@ Fact = Union[
     DutiesTold,
     CommandsTold,
     Healer,
+    MaintenanceTold,
     HostTold,
     TrustTold,
     ModelsRead,

@@ -22,6 +22,7 @@ STRIP_S = 60
 """So many seconds are told of each service."""
 MONITOR, RECONFIGURATOR, MASTER = "monitor", "reconfigurator", "master"
 UNKNOWN, ALIVE = "unknown", "alive"
+IN_MAINTENANCE = "maintenance: nothing is killed or started"
 
 _UNHEARD = Judgement(Condition.UNKNOWN, "nothing was heard of it yet", None)
 
@@ -43,6 +44,7 @@ class State:
         self.history = History()
         self._healers: Dict[str, facts.Healer] = {}
         self._hosts: Dict[str, facts.HostTold] = {}
+        self._maintained = False
         self._trust = facts.TrustTold("unchecked", "nothing was heard yet")
         self._incidents = Incidents()
         self._strips: Dict[str, Deque[str]] = {}
@@ -61,6 +63,7 @@ class State:
                 facts.DutiesTold: self._duties_told,
                 facts.CommandsTold: self._commands_told,
                 facts.Healer: self._healer,
+                facts.MaintenanceTold: self._maintenance_told,
                 facts.HostTold: self._host,
                 facts.TrustTold: self._trusted,
                 facts.ModelsRead: self._models_read,
@@ -157,6 +160,7 @@ class State:
     def _healing(self) -> Document:
         states = {who: self._healer_state(who) for who in (MONITOR, RECONFIGURATOR, MASTER)}
         texts = [each.text for each in self._healers.values() if each.text]
+        texts += [IN_MAINTENANCE] if self._maintained else []
         return {**states, "text": "; ".join(texts)}
 
     def _healer_state(self, who: str) -> str:
@@ -266,6 +270,9 @@ class State:
             self._touch(self._incidents.leave_open())
         if before is None or before.state != told.state:
             self._touch(self._rows)
+
+    def _maintenance_told(self, told: facts.MaintenanceTold) -> None:
+        self._maintained = told.on
 
     def _host(self, told: facts.HostTold) -> None:
         self._hosts[told.name] = told

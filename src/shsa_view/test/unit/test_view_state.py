@@ -125,6 +125,14 @@ def test_without_a_monitor_nothing_is_claimed() -> None:
     assert document["healing"]["text"] == "monitor: it is gone"
 
 
+def test_maintenance_is_told() -> None:
+    view = well()
+    view.handle(facts.MaintenanceTold(True))
+    assert "nothing is killed or started" in view.document(0.0)["healing"]["text"]
+    view.handle(facts.MaintenanceTold(False))
+    assert view.document(0.0)["healing"]["text"] == ""
+
+
 def test_what_the_monitor_of_a_computer_tells_counts_as_long_as_it_is_heard() -> None:
     view = well()
     view.handle(facts.HealthTold("", (), tuple((t, f"/{n}") for n, t in NODES.items()), False))

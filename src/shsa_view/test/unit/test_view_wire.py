@@ -76,6 +76,8 @@ def test_rates_and_values_are_read_from_diagnostics() -> None:
     [
         ("ROS master", OK, facts.Healer("master", "alive")),
         ("ROS master", ERROR, facts.Healer("master", "lost", "ROS master: text")),
+        ("maintenance", OK, facts.MaintenanceTold(False)),
+        ("maintenance", WARN, facts.MaintenanceTold(True)),
         ("host pi", OK, facts.HostTold("pi", "heard", "text")),
         ("host pi", WARN, facts.HostTold("pi", "unknown", "text")),
         ("host pi", ERROR, facts.HostTold("pi", "lost", "text")),

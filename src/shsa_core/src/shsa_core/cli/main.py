@@ -21,7 +21,7 @@ ELSEWHERE = {
     **dict.fromkeys(
         (
             *("accept", "add", "backtest", "doctor", "explain", "find", "import"),
-            *("init", "learn", "plot", "replay", "report"),
+            *("init", "learn", "maintenance", "plot", "replay", "report"),
         ),
         "shsa_learning",
     ),

@@ -18,9 +18,10 @@ from shsa_core.model.network import Network
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.substitution import Program
-from shsa_core.search.best import BestDerivations
+from shsa_core.search.best import BestDerivations, Usable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
+from shsa_core.search.nearest import nearest
 from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
@@ -75,13 +76,14 @@ def plan_service(
     method: str = "best",
     tried: Collection[Plan] = (),
     predictor: Optional[Predictor] = None,
+    steps: Optional[int] = None,
 ) -> Plan:
     """Return the best plan for a lost service, other than those `tried`, from the table's sources.
 
     It uses neither the service itself nor the services, topics, nodes and causes `excluded`, and
     what shares a cause with the service only if nothing else will do. Where no plan gives all
     values, it gives a `part`. `method`: `best`, or `depth_first`, the first found. With a
-    `predictor` the best is that of the smallest error.
+    `predictor` the best is that of the smallest error. `steps`: as for `nearest`.
     Raises NoSubstitute with what is missing, GenerationError if only relations that cannot be
     executed would do, or if its messages cannot be written.
     """
@@ -92,7 +94,7 @@ def plan_service(
         for causes in (*service.avoided, ()):
             apart = available.excluding(causes)
             outputs = service.sources if whole else _derivable(ontology.network, service, apart)
-            question = ontology, service.name, outputs, apart, method, tried, predictor
+            question = ontology, service.name, outputs, apart, method, tried, predictor, steps
             try:
                 plan = plan_sources(*question) if outputs else None
             except (NoSubstitute, GenerationError) as error:
@@ -152,6 +154,7 @@ def plan_sources(
     method: str = "best",
     tried: Collection[Plan] = (),
     predictor: Optional[Predictor] = None,
+    steps: Optional[int] = None,
 ) -> Plan:
     """Return the best plan for some sources of a service, from all that is in the table.
 
@@ -159,24 +162,27 @@ def plan_sources(
     """
     if method not in METHODS:
         raise ModelError("method", f"{method!r} is not known; allowed are {', '.join(METHODS)}")
-    properties = [source.property for source in outputs]
+    network, properties = ontology.network, [source.property for source in outputs]
     refused: Optional[GenerationError] = None
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
-    question = ontology.network, table, properties
-    for found in (_listing(*question, method, predictor), _smallest_first(*question)):
-        looked_at = 0
-        for rated, proven_best in islice(found, most):
-            looked_at += 1
-            plan = make_plan(ontology, service, outputs, rated, proven_best, predictor)
-            if isinstance(plan, GenerationError):
-                refused = refused or plan
-            elif plan not in tried:
-                return plan
-            else:
-                failed.add(plan)
-        if refused is None or looked_at < most:
-            break
+    numbers = [network.number(name) for name in properties]
+    for usable, whole in nearest(network, table, numbers, network.executable, steps):
+        question = network, table, properties, usable
+        for found in (_listing(*question, method, predictor), _smallest_first(*question)):
+            looked_at = 0
+            for rated, proven in islice(found, most):
+                looked_at += 1
+                proven = proven and whole
+                plan = make_plan(ontology, service, outputs, rated, proven, predictor)
+                if isinstance(plan, GenerationError):
+                    refused = refused or plan
+                elif plan not in tried:
+                    return plan
+                else:
+                    failed.add(plan)
+            if refused is None or looked_at < most:
+                break
     if refused is not None:
         raise refused
     if failed:
@@ -251,31 +257,33 @@ def _listing(
     network: Network,
     table: SourceTable,
     properties: Sequence[str],
+    usable: Optional[Usable],
     method: str,
     predictor: Optional[Predictor],
 ) -> Listing:
     """Yield joint derivations: the best by `method`, then all, best first."""
     numbers = [network.number(name) for name in properties]
     if method == "best" and predictor is not None:
-        yield from listing(network, table, properties, network.executable, predictor)
+        yield from listing(network, table, properties, usable, predictor)
         return
     if method == "best":  # much faster than to rank all
-        best = BestDerivations(network, table, network.executable)
+        best = BestDerivations(network, table, usable)
         for number in numbers:
             best.settle(number)
         firsts = [best.ratings.rated(number) for number in numbers]
     else:
-        firsts = [first_found(network, table, number, network.executable) for number in numbers]
+        firsts = [first_found(network, table, number, usable) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"
-        yield from listing(network, table, properties, network.executable, None)
+        yield from listing(network, table, properties, usable, None)
 
 
-def _smallest_first(network: Network, table: SourceTable, properties: Sequence[str]) -> Listing:
+def _smallest_first(
+    network: Network, table: SourceTable, properties: Sequence[str], usable: Optional[Usable]
+) -> Listing:
     """Yield joint derivations of the fewest relations first."""
-    small = network.smallest_first()
-    for rated, _best in listing(small, table, properties, small.executable, None):
+    for rated, _best in listing(network.smallest_first(), table, properties, usable, None):
         yield rated, False
 
 

@@ -77,6 +77,14 @@ class LaunchEnding:
 
 
 @dataclass(frozen=True)
+class MaintenanceSet:
+    """Maintenance begins, or ends; while it is `on`, nothing is killed or started."""
+
+    time: float
+    on: bool
+
+
+@dataclass(frozen=True)
 class FailureSeen:
     """A monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
@@ -335,6 +343,7 @@ Event = Union[
     Prepared,
     ShuttingDown,
     LaunchEnding,
+    MaintenanceSet,
     FailureSeen,
     HealthSeen,
     SomChanged,

@@ -7,6 +7,7 @@ so that a decision costs the same on a large robot.
 """
 from dataclasses import replace
 from functools import partial
+from math import inf
 from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
@@ -14,22 +15,26 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events, hearing, succession
 from shsa_core.healing.core import Core
-from shsa_core.healing.events import Command, Event, FailureSeen
+from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.process import is_warm
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind, Policy
+from shsa_core.model.log import Level
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherState
 
+HEALTH = (events.HealthSeen, events.FailureSeen)
+NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)
+FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """Commands for people come after those that act: a line of the log takes as long as a takeover."""
 
@@ -60,6 +65,8 @@ class Reconfigurator:
     ) -> None:
         self.settings = settings
         self._over = False
+        self._held: Dict[object, Event] = {}  # in maintenance
+        self._held_until = -inf
         self._namespace = namespace
         self._dry_run = dry_run
         self._restarts = restarts
@@ -82,6 +89,7 @@ class Reconfigurator:
                 events.Prepared: self._prepared,
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
+                events.MaintenanceSet: self._maintenance_set,
                 events.FailureSeen: partial(hearing.failure_seen, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
@@ -114,7 +122,9 @@ class Reconfigurator:
             return []  # nobody would stop what is started now
         robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
         self._core.forget_ended()
-        commands = self._handlers[type(event)](event)
+        commands: List[Command] = []
+        for each in self._let_through(event) if robot.maintained else [event]:
+            commands += self._handlers[type(each)](each)
         if processes.starts.waiting:
             turns = processes.starts.due(robot.time)
             commands += self._core.ask_all(turns, lambda each: each.replan())
@@ -137,12 +147,14 @@ class Reconfigurator:
     @property
     def plans_ahead(self) -> bool:
         """Tell that there are plans to make before they are needed: Idle makes one."""
-        return self.robot.planner.plans.stale
+        return self.robot.planner.plans.stale and not self.robot.maintained
 
     @property
     def deadline(self) -> Optional[float]:
         """Return when a Tick is due, in s; None: none is."""
         robot = self.robot
+        if robot.maintained:
+            return self._held_until
         dues = (
             self._core.agenda.next(),
             self._processes.deadline,
@@ -168,7 +180,8 @@ class Reconfigurator:
 
     def errors(self, service: str) -> Tuple[Optional[Error], ...]:
         """Return the errors that are stated by now of what the substitute of a service gives."""
-        plan = self.services[service].substitute.plan
+        machine = self.services.get(service)
+        plan = machine.substitute.plan if machine else None
         return self.robot.planner.errors(plan) if plan and plan.computes else ()
 
     def find(self, name: str) -> Service:
@@ -324,6 +337,34 @@ class Reconfigurator:
         self._processes.starts.waiting.clear()
         return []
 
+    def _maintenance_set(self, event: events.MaintenanceSet) -> List[Command]:
+        """Kill and start nothing, or do so again once the monitors had a moment to tell."""
+        robot, core, processes = self.robot, self._core, self._processes
+        if event.on is (self._held_until == inf):
+            return []
+        self._held_until = inf if event.on else event.time + ANSWER_S
+        if event.on:
+            robot.maintained = True
+            processes.starts.hold(inf)
+            core.ask_all(processes.substituted, lambda each: [])
+            return [Log(Level.WARN, "Maintenance: nothing is killed or started.")]
+        asked = map(events.AskMonitor, ("", *robot.som.hosts))
+        return [Log(Level.INFO, "The maintenance is over."), *asked]
+
+    def _let_through(self, event: Event) -> List[Event]:
+        """Return what is heeded now, in maintenance; hold the rest."""
+        if self.robot.time >= self._held_until:
+            self.robot.maintained = False
+            self._processes.starts.release()
+            self._core.ask_all(self._processes.substituted, lambda each: [])
+            held, self._held = self._held, {}
+            return [*held.values(), event]
+        if isinstance(event, NOT_HELD) or (self._held_until < inf and isinstance(event, HEALTH)):
+            return [event]
+        if not isinstance(event, FORGOTTEN):  # of a computer the newest word counts
+            self._held[getattr(event, "host", len(self._held))] = event
+        return []
+
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
         self._nodes.learned(event)
         self._core.unsettle_node(event.node)
@@ -360,10 +401,8 @@ class Reconfigurator:
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self._core.incident(event.service)
         service = self.robot.som.services.get(event.service)
-        if incident is not None:
-            return [events.ShowIncident(incident)]
-        if service is None:
-            return []
+        if incident is not None or service is None:
+            return [] if incident is None else [events.ShowIncident(incident)]
         originals = self.robot.health.originals(self.robot.som, service)
         healthy = [row for row in originals if row.state is PublisherState.HEALTHY]
         node = healthy[0].publisher if healthy else service.node

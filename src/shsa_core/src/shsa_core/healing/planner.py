@@ -7,7 +7,7 @@ from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.plan_table import PlanTable
-from shsa_core.healing.settings import ENOUGH, RECALLED, Settings
+from shsa_core.healing.settings import ENOUGH, RECALLED, STEPS, Settings
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -157,7 +157,8 @@ class Planner:
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
-        return self._search(service, excluded, self._method, tried)
+        question = self.ontology, service, self.plans.sources, excluded, self._method, tried
+        return plan_service(*question, self.predictor, STEPS)
 
     def ahead(self, service: Service) -> Plan:
         """Return the best plan for the case that a service's node fails. Raises ShsaError."""
@@ -167,15 +168,8 @@ class Planner:
         """Search it, also without some services, nodes and topics. Raises ShsaError."""
         publishers = {row.publisher for row in self._health.originals(self.som, service)}
         excluded = {service.node, *publishers, *self._health.excluded, *without}
-        return self._search(service, excluded, method or self._method)
-
-    def _search(
-        self, service: Service, excluded: Collection[str], method: str, tried: Collection[Plan] = ()
-    ) -> Plan:
-        sources = self.plans.sources
-        return plan_service(
-            self.ontology, service, sources, excluded, method, tried, self.predictor
-        )
+        question = self.ontology, service, self.plans.sources, excluded, method or self._method
+        return plan_service(*question, predictor=self.predictor)
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
         """Tell that all that a plan reads is available, from the nodes that it was made for."""

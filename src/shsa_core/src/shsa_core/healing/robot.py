@@ -21,7 +21,7 @@ class Robot:
     """Everything that is known; nothing here decides.
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
-    those that run on another one than we. `incidents`: the last number of one.
+    those that run on another one than we. `incidents`: the last one. `maintained`: by people now.
     """
 
     def __init__(
@@ -31,6 +31,7 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
+        self.maintained = False
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)

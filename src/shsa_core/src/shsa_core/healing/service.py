@@ -100,13 +100,12 @@ class ServiceMachine:
     def yields(self) -> bool:
         """Tell that the substitute is to be still once the faulty node is heard again.
 
-        It is if that was only silent, and nobody has made sure that it is gone. On a shared topic
-        somebody else is heard; there only a substitute that a cut may part from it listens.
+        It is if that was only silent, and nobody has made sure that it is gone, and in maintenance.
+        On a shared topic somebody else is heard; there only one that a cut may part from it hears.
         """
-        if self.accusation.kind not in MISSED or self.incident.killed is not None:
-            return False
+        lasts = self.accusation.kind in MISSED and self.incident.killed is None
         apart = self.parted or len(self.robot.som.of_topic(self.spec.topic)) == 1
-        return apart and self.publishes
+        return (lasts or self.robot.maintained) and apart and self.publishes
 
     @property
     def parted(self) -> bool:
@@ -464,7 +463,7 @@ class ServiceMachine:
         where somebody else is heard; nor from another computer, where what is late may be the link.
         """
         spec, robot = self.spec, self.robot
-        if self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
+        if robot.maintained or self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
             return 0.0
         here = not robot.som.hosts or self.substitute.host == robot.host_of(spec.node)
         alone = len(robot.som.of_topic(spec.topic)) == 1

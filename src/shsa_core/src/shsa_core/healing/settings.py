@@ -73,5 +73,6 @@ PAUSE_S = 1.0  # between two idle processes, and after a takeover, which needs t
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
 CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
 
+STEPS = 10_000  # functions that are looked at while something has failed
 RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
 ENOUGH = 60  # samples until a new monitor knows more of a calibration than the one before

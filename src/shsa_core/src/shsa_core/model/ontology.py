@@ -1,4 +1,4 @@
-"""The ontology: properties and the relations between them (Section III-B of the paper)."""
+"""The ontology: properties and the relations between them (Section III of the paper)."""
 from dataclasses import dataclass, field
 from typing import Mapping, Optional, Sequence, Tuple
 

@@ -1,4 +1,4 @@
-"""One direction of a relation between properties (Section III-B of the paper)."""
+"""One direction of a relation between properties (Section III of the paper)."""
 from dataclasses import dataclass, field
 from typing import Optional, Tuple
 

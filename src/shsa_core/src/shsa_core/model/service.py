@@ -1,4 +1,4 @@
-"""A service: one topic of one node, and what it provides (Section III-B of the paper)."""
+"""A service: one topic of one node, and what it provides (Section III of the paper)."""
 import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar, Optional, Tuple, Union

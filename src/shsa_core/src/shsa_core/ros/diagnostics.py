@@ -29,6 +29,7 @@ from shsa_core.text import shown
 
 BRIDGED, DUTIES = "times bridged", "its node also"
 """Keys of a service's row: how often a late message was filled in for, and the node's duties."""
+MAINTENANCE = "maintenance"
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 CONDITIONS = {
     Condition.HEALTHY: OK,
@@ -182,15 +183,20 @@ def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]
 
 
 Duties = Mapping[str, Tuple[str, ...]]
-Healing = Tuple[Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState], Duties]
-"""Needed services, open incidents, how master and computers do, what nodes do beyond the SOM."""
+Healing = Tuple[
+    Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState], Duties, bool
+]
+"""Needed services, open incidents, how master and computers do, what nodes do beyond the SOM,
+and whether the robot is maintained.
+"""
 
 
 def healing_rows(given: Healing) -> List[DiagnosticStatus]:
     """The reconfigurator's rows: needed services and their incidents, the master, the computers."""
-    services, incidents, master, hosts, duties = given
+    services, incidents, master, hosts, duties, maintained = given
     rows = [_healing_row(each, incidents.get(each.name), duties) for each in services]
-    return [*rows, _master_row(master), *map(_host_row, hosts)]
+    told = (WARN, "on: nothing is killed or started") if maintained else (OK, "off")
+    return [*rows, _row(MAINTENANCE, *told), _master_row(master), *map(_host_row, hosts)]
 
 
 def _host_row(host: HostState) -> DiagnosticStatus:

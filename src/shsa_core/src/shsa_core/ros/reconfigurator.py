@@ -52,6 +52,7 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
+from shsa_core.ros.maintenance import maintain, maintained
 from shsa_core.ros.node import LOG, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
@@ -162,6 +163,7 @@ class ReconfiguratorNode:
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, som, self._hosts.take_up())
         self._records = heritage.file
+        self._heed_maintenance()
         self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
@@ -185,6 +187,7 @@ class ReconfiguratorNode:
             self._put,
             self._incidents,
             self.reload,
+            self._maintain,
             not arguments.no_operator,
         )
 
@@ -367,13 +370,23 @@ class ReconfiguratorNode:
             except ShsaError as error:
                 rospy.logerr("Refused: %s", error)
 
+    def _maintain(self, on: bool) -> None:
+        maintain(rospy.get_namespace(), on)
+        self._heed_maintenance()
+
+    def _heed_maintenance(self) -> None:
+        """Maintain the robot while the file says so."""
+        on = maintained(rospy.get_namespace())
+        if on is not self._core.robot.maintained:
+            self._decide(events.MaintenanceSet(clock.now(), on))
+
     def _report(self) -> None:
         self._heed_added()
-        core, found = self._core, self._incidents.open().items()
-        known = {name: each for name, each in found if name in core.services}
-        open_ = {name: replace(each, errors=core.errors(name)) for name, each in known.items()}
-        told = self._core.needed(), open_, self._master.told(), self._hosts.told(), self._listed[1]
-        self._diagnostics.show(told)
+        self._heed_maintenance()
+        core, found, listed = self._core, self._incidents.open(), self._listed[1]
+        open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
+        done = self._core.needed(), open_, self._master.told(), self._hosts.told(), listed
+        self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:
         if not message.sent and self._queue.qsize() > MOST_WAITING:

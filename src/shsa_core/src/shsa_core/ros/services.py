@@ -8,6 +8,7 @@ from typing import Any, Callable
 import actionlib
 import rospy
 from shsa_msgs import msg, srv
+from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing import events
@@ -39,6 +40,7 @@ class Services:
         put: Callable[[events.Event], None],
         incidents: Incidents,
         reload: Callable[[], str],
+        maintain: Callable[[bool], None],
         operator: bool,
     ) -> None:
         self._core = core
@@ -46,11 +48,13 @@ class Services:
         self._put = put
         self._incidents = incidents
         self._reload = reload
+        self._maintain = maintain
         self._operator = operator
         for name, kind, answer in (
             (names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute),
             (names.RELEASE, srv.Release, self._release),
             (names.RELOAD, srv.Reload, self._reload_models),
+            (names.MAINTENANCE, SetBool, self._set_maintenance),
         ):
             bound_messages(rospy.Service(name, kind, answer), settings.LARGEST_CALL_B)
         goal = msg.SubstituteActionGoal
@@ -128,9 +132,20 @@ class Services:
         except ShsaError as error:
             return srv.ReloadResponse(False, f"nothing was changed: {error}")
 
+    def _set_maintenance(self, request: SetBoolRequest) -> SetBoolResponse:
+        if not self._operator:
+            return SetBoolResponse(False, NO_OPERATOR)
+        try:
+            self._ask(lambda: self._maintain(request.data))
+        except ShsaError as error:
+            return SetBoolResponse(False, str(error))
+        return SetBoolResponse(True, f"maintenance is {'on' if request.data else 'off'}")
+
     def _substitute(self, goal: msg.SubstituteGoal) -> None:
         try:
             service = self._asked_to_act(goal.topic)
+            if self._core.robot.maintained:
+                raise ShsaError("refused: maintenance is on, and nothing is started")
         except ShsaError as error:
             self._action.set_aborted(text=str(error))
             return

@@ -36,7 +36,7 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
 
     `elsewhere`: what agents on other computers have told to run there.
     """
-    path = record_path()
+    path = record_path(rospy.get_namespace())
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
     running = [*host.take_up(), *elsewhere]
@@ -88,12 +88,12 @@ def _read(path: str) -> Former:
         return Former({}, ())
 
 
-def record_path() -> str:
-    """Return the file of this master and namespace, in a folder that is made if it is not there."""
+def record_path(namespace: str, kind: str = "records") -> str:
+    """Return a file of this master and namespace, in a folder that is made if it is not there."""
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     try:
         os.makedirs(folder, 0o700, exist_ok=True)
     except OSError as error:
         rospy.logerr("%s cannot be made: %s", folder, error)
-    name = master_place() + rospy.get_namespace()
-    return os.path.join(folder, re.sub(r"[^A-Za-z0-9_.]+", "-", name).strip("-") + ".records")
+    name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{master_place()}/{namespace}").strip("-")
+    return os.path.join(folder, f"{name}.{kind}")

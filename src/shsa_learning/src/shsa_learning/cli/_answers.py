@@ -32,7 +32,7 @@ class Asked(NamedTuple):
     """A question: the models, what they do without, and the options.
 
     `explain`: with the derivation, alternatives and dead branches; `predictor`: None where no
-    errors are known.
+    errors are known; `steps`: the deadline of the search, None: it has none.
     """
 
     ontology: Ontology
@@ -41,6 +41,7 @@ class Asked(NamedTuple):
     method: str
     explain: bool
     predictor: Optional[Predictor] = None
+    steps: Optional[int] = None
 
     @property
     def first(self) -> str:
@@ -54,9 +55,8 @@ def of_service(asked: Asked, service: Service) -> Answer:
     table = SourceTable(asked.ontology.network, asked.som.sources)
     excluded = [service.node, *asked.without]
     try:
-        plan = plan_service(
-            asked.ontology, service, table, excluded, asked.first, predictor=asked.predictor
-        )
+        question = asked.ontology, service, table, excluded, asked.first
+        plan = plan_service(*question, predictor=asked.predictor, steps=asked.steps)
     except (NoSubstitute, GenerationError) as error:
         return {**answer, **_refusal(error)}
     answer.update(_planned(plan))
@@ -128,6 +128,7 @@ def _one(asked: Asked, loss: Loss) -> Answer:
             table,
             asked.first,
             predictor=asked.predictor,
+            steps=asked.steps,
         )
     except (NoSubstitute, GenerationError) as error:
         return {"property": loss.name, **_refusal(error)}

@@ -38,6 +38,12 @@ def add_parser(subparsers: Any) -> None:
         "all: the best 1000",
     )
     parser.add_argument(
+        "--steps",
+        metavar="N",
+        type=int,
+        help="a deadline: the best of what is found first and of the N relations nearest to it",
+    )
+    parser.add_argument(
         "--explain",
         action="store_true",
         help="show the derivation, the alternatives, and what dead branches lack",
@@ -55,6 +61,7 @@ def run(args: argparse.Namespace) -> int:
         args.method,
         args.explain,
         predictor(ontology, som.sources),
+        args.steps,
     )
     kind, services = _lost(args, ontology, som)
     if services and (args.method == "all" or args.explain):

@@ -10,6 +10,7 @@ from shsa_msgs import msg
 from shsa_learning.incident_log import of_message
 from shsa_core.model.names import full_name
 from shsa_core.model.service import signal_path
+from shsa_core.ros.diagnostics import MAINTENANCE
 from shsa_core.text import shown
 from shsa_view import facts
 from shsa_view.plain import code
@@ -108,6 +109,8 @@ class Diagnostics:
                 state = "lost" if row.level == DiagnosticStatus.ERROR else "alive"
                 text = "" if row.level == DiagnosticStatus.OK else f"ROS master: {row.message}"
                 found.append(facts.Healer("master", state, shown(text)))
+            elif name == MAINTENANCE:
+                found.append(facts.MaintenanceTold(row.level != DiagnosticStatus.OK))
             elif name.startswith(HOST_ROW):
                 state = LEVELS.get(row.level, "unknown")
                 host = shown(name[len(HOST_ROW) :])

@@ -9,6 +9,7 @@ SOM_STATE = "shsa/som_state"
 FIND_SUBSTITUTE = "shsa/find_substitute"
 RELEASE = "shsa/release"
 RELOAD = "shsa/reload"
+MAINTENANCE = "shsa/maintenance"
 SUBSTITUTE_ACTION = "shsa/substitute"
 HOSTS = "shsa/hosts"
 
