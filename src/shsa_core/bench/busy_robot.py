@@ -83,7 +83,7 @@ def _watched(graph: Graph, busy: int, seconds: float) -> Row:
         for word in process.cmdline()
         if word.startswith("__name:=node_")
     }
-    begun, before = time.monotonic(), waited_in_all(PRESSURE) or 0.0
+    begun, before = time.monotonic(), dict(waited_in_all(PRESSURE)).get("", 0.0)
     told = set(graph.healing.incidents)
     substituted: Dict[Tuple[str, int], str] = {}
     while time.monotonic() < begun + seconds:
@@ -99,7 +99,7 @@ def _watched(graph: Graph, busy: int, seconds: float) -> Row:
     for name in ended:
         print(f"{name} was ended")
     passed = time.monotonic() - begun
-    waited = ((waited_in_all(PRESSURE) or 0.0) - before) / passed
+    waited = (dict(waited_in_all(PRESSURE)).get("", 0.0) - before) / passed
     return Row(busy, passed, waited, len(found), len(substituted), len(ended))
 
 

@@ -68,7 +68,7 @@ class MonitorCase(unittest.TestCase):
         cls.monitor = rosrun(
             "shsa_core", "monitor", "--som", cls._file, "--pressure", "", *cls.arguments
         )
-        wait_until(lambda: failed.get_num_connections() > 0, 10.0, "the monitor is up")
+        wait_until(lambda: failed.get_num_connections() > 0, 30.0, "the monitor is up")
         wait_until(lambda: cls._health.rows, 10.0, "the monitor watches")
 
     @classmethod

@@ -59,6 +59,10 @@ ROWS: List[Any] = [
     (SILENT, {"restarted": True}, True, "if it stays silent: its policy is to start it again"),
     (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
     (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
+    # Its settings may be other ones.
+    (Kind.FRAME, {"replaced": True, "restarted": True}, False, "its settings may have been"),
+    (Kind.LENGTH, {"gated": True}, False, "its settings may have been changed"),
+    (Kind.LENGTH, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
     # A gate stands between it and the consumers.
     (WRONG, {"gated": True, "replaced": True}, False, "a gate keeps from consumers what it"),
     (WRONG, {"gated": True, "contain": Contain.NODE}, True, "the SOM says so of /a"),

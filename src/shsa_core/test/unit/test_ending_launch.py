@@ -9,6 +9,8 @@ from typing import Iterator, List
 import pytest
 
 from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes.launch import Launches
+from shsa_testing.waiting import wait_until
 
 PARENT = """
 import os, signal, subprocess, sys
@@ -121,3 +123,20 @@ def test_a_node_of_the_same_name_on_another_master_is_another(
     finally:
         for process in processes:
             process.communicate(b"\n")
+
+
+def test_it_is_told_how_long_a_node_waits_for_a_processor() -> None:
+    name = f"node_{os.getpid()}"
+    busy = [sys.executable, "-c", "while True: pass", f"__name:={name}"]
+    others = (os.cpu_count() or 1) + 2
+    processes = [subprocess.Popen(busy[: 4 - (i > 0)]) for i in range(1 + others)]
+    try:
+        launches = Launches()
+        launches.learn(f"/{name}")
+        waited = lambda: dict(launches.waited()).get(f"/{name}", 0.0)
+        before = wait_until(waited, 20.0, "it is known, and has waited")
+        wait_until(lambda: waited() > before, 10.0, "it waits on")
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()

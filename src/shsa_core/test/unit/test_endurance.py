@@ -3,10 +3,13 @@ import gc
 import tracemalloc
 from typing import List, Tuple
 
+import pytest
+
 from core_robot import A, C, Robot, has, only, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Standby
+from shsa_core.model.log import Log
 from shsa_core.model.som import Som
 
 SHORT, LONG = 350, 650  # what it remembers of the last incidents is full by then
@@ -57,6 +60,14 @@ def deaths(robot: Robot, count: int) -> List[float]:
 
 def test_idle_processes_that_cannot_be_made_are_tried_again_ever_more_rarely() -> None:
     assert deaths(Robot(WARM), 7) == [2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0]
+
+
+@pytest.mark.parametrize("started, what", [(True, "died"), (False, "was not started")])
+def test_what_was_never_started_has_not_died(started: bool, what: str) -> None:
+    robot, why = Robot(WARM), "[Errno 24] Too many open files"
+    process = only(robot.said, events.StartSubstitute).node
+    said = robot.handle(events.ProcessExited(1.0, process, why, started))
+    assert only(said, Log).text == f"An idle substitute failed: its process {what} ({why})."
 
 
 def test_nothing_breaks_after_days_without_a_process() -> None:

@@ -13,11 +13,12 @@ from rospy.msg import serialize_message
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
 
-from shsa_core.gating.events import Arrived, GateLeft, Log, Overheard, Pass, Tick
+from shsa_core.gating.events import Arrived, Log, Overheard, Pass, Tick
 from shsa_core.gating.machine import Gate
-from shsa_core.model.checks import Jump, Stuck
+from shsa_core.model.checks import LEARNED, Jump, Stuck, Witness
+from shsa_core.model.error import Error
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Message, SubstitutionsChanged
+from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChanged
 from shsa_core.ros.messages.fields import stamp as stamp_of
 from shsa_core.ros.rospy_patches.publishing import as_written
 
@@ -364,7 +365,7 @@ def test_at_a_high_rate_a_second_gate_grants_the_first_what_a_busy_machine_costs
 
 
 def test_a_second_gate_takes_over_at_once_when_the_first_is_gone(second: Stand) -> None:
-    second.feed(GateLeft(second.time, FIRST))
+    second.feed(Disconnected(second.time, HEARD, FIRST))
     second.run(10)
     assert len(second.heard) == 10
 
@@ -387,7 +388,7 @@ def test_a_stranger_does_not_mute_a_second_gate(second: Stand) -> None:
 
 def test_a_second_gate_goes_on_with_newer_stamps_than_those_of_the_first(second: Stand) -> None:
     second.feed(Overheard(second.time, FIRST, 500 * NS))
-    second.feed(GateLeft(second.time, FIRST))
+    second.feed(Disconnected(second.time, HEARD, FIRST))
     second.until(second.time + PERIOD)
     (filled,) = second.message(2.0, SUBSTITUTE, stamp=500 * NS - 100)
     assert filled.stamp == 500 * NS + 1
@@ -399,7 +400,7 @@ def test_of_a_substitute_single_values_are_judged_and_no_history(stand: Stand) -
 
 
 def test_another_gate_that_leaves_changes_nothing(second: Stand) -> None:
-    second.feed(GateLeft(second.time, "/another_gate"))
+    second.feed(Disconnected(second.time, HEARD, "/another_gate"))
     assert not second.said and not second.message(2.0, SUBSTITUTE)
 
 
@@ -450,3 +451,68 @@ def test_no_story_lets_a_bad_value_through(steps: List[Any], standby: bool) -> N
         substitutes = each.publisher == SUBSTITUTE
         assert not (substitutes and last is not None and time - last < PERIOD / 2 - 1e-9)
         last = time
+
+
+def witnessed(limit: float = 4.0, **changes: Any) -> Stand:
+    """A gate whose value has a witness, and whose node and substitute agree so far."""
+    gated = replace(GATED, provides=(with_value_checks(Witness(limit)),))
+    stand = Stand(gated)
+    outputs = tuple(replace(each, **changes) for each in row(SUBSTITUTE, False, RAW).outputs)
+    rows = (replace(row(SUBSTITUTE, False, RAW), gated=True, outputs=outputs),)
+    stand.feed(SubstitutionsChanged(0.0, rows))
+    stand.run(10)
+    return stand
+
+
+@pytest.mark.parametrize(
+    "stand, jump",
+    [
+        (witnessed(), 7.0),
+        (witnessed(LEARNED, error=Error(1.0)), 7.0),
+        (witnessed(LEARNED, error=Error(1.0)), -3.5),
+    ],
+)
+def test_a_jump_that_the_substitute_did_not_see_does_not_pass(stand: Stand, jump: float) -> None:
+    stand.run(200, jump)
+    assert jump not in stand.values() and set(stand.values()[11:]) == {2.0}
+    assert stand.gap() <= 1.5 * PERIOD + 1e-9
+    stand.run(5)
+    assert stand.values()[-5:] == [1.0] * 5
+    assert stand.said == []
+
+
+def test_what_the_monitor_does_not_confirm_is_believed_and_doubted_no_more() -> None:
+    stand = witnessed()
+    stand.run(400, 7.0)
+    first = next(at for at, each in stand.heard if each.data.startswith(b"7.0"))
+    assert 6.0 < first < 6.5
+    stand.run(50, 9.0)
+    assert stand.values()[-50:] == [9.0] * 50
+
+
+@pytest.mark.parametrize("original, substitute", [(1.0, 9.0), (9.0, 11.0)])
+def test_where_the_substitute_moved_as_far_the_node_is_heard(
+    original: float, substitute: float
+) -> None:
+    stand = witnessed()
+    stand.run(1, substitute=substitute)
+    stand.run(100, original, substitute)
+    assert stand.values()[-100:] == [original] * 100
+
+
+def test_without_known_errors_or_a_fresh_value_nobody_is_doubted() -> None:
+    for stand, substitute in ((witnessed(LEARNED), 2.0), (witnessed(), None)):
+        stand.run(4, substitute=substitute)
+        stand.run(10, 7.0, substitute)
+        assert stand.values()[-10:] == [7.0] * 10
+
+
+def test_another_process_of_the_node_is_not_held_to_what_the_first_did() -> None:
+    stand = Stand()
+    stand.substitute()
+    stand.run(60)
+    stand.run(10, 61.0)
+    assert stand.values()[-5:] == [2.0] * 5
+    stand.feed(Disconnected(stand.time, RAW, NODE))
+    stand.run(5)
+    assert stand.values()[-5:] == [1.0] * 5

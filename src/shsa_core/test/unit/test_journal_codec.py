@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from shsa_testing import toy_machine as toy
+from shsa_core.dispatch import members
 from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import MACHINES, machine_kind
@@ -125,7 +126,7 @@ def test_nothing_of_what_a_machine_hears_and_says_is_lost(machine: str) -> None:
     part = MACHINES[machine].split(".", maxsplit=1)[0]
     events = __import__(f"shsa_core.{part}.events", fromlist=["Event"])
     for codec, union in ((kind.events, events.Event), (kind.commands, events.Command)):
-        for cls in get_args(union):
+        for cls in members(union):
 
             @settings(THOROUGH, max_examples=many(20))
             @given(record(cls))

@@ -59,6 +59,23 @@ def test_who_was_well_and_is_connected_but_silent_is_blamed_by_name() -> None:
     assert [each.publisher for each in bench.failures] == [NODE]
 
 
+def test_who_was_well_and_is_gone_before_it_is_heard_has_died() -> None:
+    bench = Bench(alone=True)
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    bench.connect()
+    bench.disconnect()
+    assert bench.kinds() == [(NODE, "node_gone")]
+
+
+def test_who_is_gone_before_it_is_told_that_it_was_well_is_missed_soon() -> None:
+    bench = Bench()
+    bench.connect()
+    bench.disconnect()
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    bench.wait(1.0)
+    assert bench.kinds() == [(NODE, "never_published")]
+
+
 def test_several_that_are_not_heard_are_not_connected_yet() -> None:
     bench = Bench(
         *(service(name=node, topic=topic, node=node) for topic, node in OTHERS), alone=True

@@ -16,8 +16,10 @@ from monitor_bench import (
 
 from shsa_core.model.checks import (
     REGISTRY,
+    Frame,
     FutureStamp,
     Jump,
+    Length,
     NotANumber,
     OutOfRange,
     RateHigh,
@@ -28,7 +30,7 @@ from shsa_core.model.checks import (
 )
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.evidence import checked_provisions, checks_header
 
 OF_VALUES = ("not_a_number", "out_of_range", "stuck", "jump")
 
@@ -262,16 +264,16 @@ def test_the_defaults_find_gross_faults_only() -> None:
 
 
 def test_what_a_topic_must_be_decoded_for() -> None:
-    assert checked_provisions(only()) == () and not checks_stamps(only())
+    assert checked_provisions(only()) == () and not checks_header(only())
     each: List[Dict[str, Any]] = [{"stuck": 1.0}, {"jump": 1.0}, {"not_a_number": True}]
     for limits in each:
         assert len(checked_provisions(only(**limits))) == 1
     unlimited = service(provision(range=None, checks=(OutOfRange(True),)))
     assert checked_provisions(unlimited) == ()
     assert len(checked_provisions(service(provision(checks=(OutOfRange(True),))))) == 1
-    for check in (StaleStamp(1.0), FutureStamp(1.0)):
-        assert checks_stamps(service(checks=message_checks(check)))
-    assert not checks_stamps(service(checks=message_checks(RateHigh(1.0), RateLow(1.0))))
+    for check in (StaleStamp(1.0), FutureStamp(1.0), Frame(True), Length(True)):
+        assert checks_header(service(checks=message_checks(check)))
+    assert not checks_header(service(checks=message_checks(RateHigh(1.0), RateLow(1.0))))
 
 
 def test_values_follow_the_provisions_that_are_checked() -> None:

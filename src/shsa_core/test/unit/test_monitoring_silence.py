@@ -321,28 +321,42 @@ def test_an_interruption_of_who_is_not_known_is_nothing(
     assert bench.core.table() == before
 
 
-def short_of_time(bench: Bench, seconds: float, share: float, *nodes: str) -> None:
-    """Something waits for a processor for such a share of the time; these nodes go on."""
+def short_of_time(bench: Bench, seconds: float, share: float, *nodes: str, who: str = "") -> None:
+    """A node, empty: any, waits for a processor for a share of the time; these nodes go on."""
     for _ in range(round(seconds / PERIOD)):
         bench.wait(PERIOD)
-        bench.send(ClockTicked(bench.now, bench.now, waited=share * bench.now))
+        bench.send(ClockTicked(bench.now, bench.now, waited=((who, share * bench.now),)))
         for node in nodes:
             bench.message(node=node)
 
 
-@pytest.mark.parametrize("share, failed", [(0.9, []), (0.2, [(NODE, "rate_low")])])
-def test_nobody_is_slow_where_the_computer_is_short_of_processor_time(
-    share: float, failed: List[Tuple[str, str]]
+SLOW = [(NODE, "rate_low")]
+
+
+@pytest.mark.parametrize(
+    "who, share, failed",
+    [("", 0.9, []), ("", 0.2, SLOW), (NODE, 0.9, []), (NODE, 0.2, SLOW), ("/other", 0.9, SLOW)],
+)
+def test_nobody_is_slow_where_it_or_the_computer_is_short_of_processor_time(
+    who: str, share: float, failed: List[Tuple[str, str]]
 ) -> None:
     bench = Bench(settings=Settings(minimum_deadline=1.0))
     bench.connect()
     bench.stream(60)
     for _ in range(40):
-        short_of_time(bench, 3 * PERIOD, share)
+        short_of_time(bench, 3 * PERIOD, share, who=who)
         bench.message()
     assert bench.kinds() == failed
     if not failed:
         assert "short of processor time" in bench.rows[TOPIC, NODE].detail
+
+
+def test_a_process_that_comes_anew_has_waited_for_less_than_the_one_before(bench: Bench) -> None:
+    for waited in (50.0, 0.1, 0.2):
+        bench.wait(PERIOD)
+        bench.message()
+        bench.send(ClockTicked(bench.now, bench.now, waited=((NODE, waited),)))
+    assert bench.kinds() == []
 
 
 def test_who_hangs_while_the_computer_is_short_of_processor_time_is_found(bench: Bench) -> None:

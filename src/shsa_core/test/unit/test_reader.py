@@ -12,6 +12,7 @@ from sensor_msgs.msg import Image
 from shsa_core.model.checks import Checks
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
+from shsa_core.ros.messages.fields import HEADER_END
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.subscriptions import Arrived
@@ -64,14 +65,15 @@ def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:
         assert (message.values, message.error) == ((float(height),), "")
 
 
-def test_of_what_nobody_judges_the_stamp_alone_is_looked_at() -> None:
+def test_of_what_nobody_judges_stamp_and_form_alone_are_looked_at() -> None:
     watched = Watched()
     ages = []
     for height in (1, 2, 3):
         (message,) = watched.hear(picture(height), UNJUDGED)
         assert (message.values, message.error) == (None, "")
+        assert message.form == (("header.frame_id", ""),)
         ages.append(message.age)
-    assert ages == [AT - SECONDS] * 3 and watched.copied == 12
+    assert ages == [AT - SECONDS] * 3 and watched.copied == HEADER_END
 
 
 def test_small_messages_are_kept_whole_for_a_substitute() -> None:
@@ -99,7 +101,7 @@ def test_what_is_judged_no_more_is_dropped_from_the_next_message_on() -> None:
     watched.reader.forget()
     watched.hear(picture(2), UNJUDGED)
     watched.hear(picture(3), UNJUDGED)
-    assert watched.copied == 12
+    assert watched.copied == HEADER_END
 
 
 def test_without_any_check_of_stamps_there_is_no_age() -> None:

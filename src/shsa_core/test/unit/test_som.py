@@ -12,8 +12,10 @@ from shsa_core.files.som_file import merge_parameters, read_som, read_tree, som_
 from shsa_core.model.checks import (
     LEARNED,
     Checks,
+    Frame,
     FutureStamp,
     Jump,
+    Length,
     NotANumber,
     OutOfRange,
     RateHigh,
@@ -154,8 +156,8 @@ services:
     deadline: 8
     policy: restart_and_substitute
     standby: hot
-    checks: {rate_low: false, rate_high: 2, stale_stamp: true, future_stamp: 0.8, bad: 5,
-             of: 20}
+    checks: {rate_low: false, rate_high: 2, stale_stamp: true, future_stamp: 0.8,
+             frame: false, length: true, bad: 5, of: 20}
     last_resort: {values: {battery_current: 0}, command: [rosservice, call, /stop]}
     others: last
     provides:
@@ -172,7 +174,7 @@ def test_every_option(tmp_path: pathlib.Path) -> None:
     assert (current.deadline, current.standby) == (8.0, Standby.HOT)
     assert current.policy.substitutes and current.policy.restarts
     assert current.checks == Checks(
-        (RateHigh(2.0), StaleStamp(LEARNED), FutureStamp(0.8), UnknownPublisher(1.0)),
+        (RateHigh(2.0), StaleStamp(LEARNED), FutureStamp(0.8), Length(True), UnknownPublisher(1.0)),
         bad=5,
         of=20,
     )
@@ -227,8 +229,8 @@ def test_figures_of_a_value_outlast_the_parameter_server() -> None:
 
 def test_a_check_that_is_on_anyway_and_one_without_a_usual_limit() -> None:
     (service,) = som_of(changed("checks", {"rate_low": True, "unknown_publisher": False}))
-    stamps = StaleStamp(LEARNED), FutureStamp(LEARNED)
-    assert service.checks.each == (RateHigh(1.5), RateLow(0.6), *stamps)
+    learned = StaleStamp(LEARNED), FutureStamp(LEARNED), Frame(True), Length(True)
+    assert service.checks.each == (RateHigh(1.5), RateLow(0.6), *learned)
     (service,) = som_of(
         changed("value checks", {"stuck": True, "jump": False, "not_a_number": True})
     )

@@ -26,6 +26,7 @@ PERIOD_S = 0.02
 RANGE = (0.0, 100.0)
 WITNESS = 3.0
 AGE_S = 0.002
+FRAME, LENGTH = "laser", 100
 SOUND_S, FAULTY_S = 10.0, 15.0
 ONTOLOGY = """
 properties: {a: {}, b: {}, c: {}}
@@ -62,7 +63,7 @@ class Streams:
             for name in "abc":
                 time = self._now + self._rng.uniform(0.0, 0.004)
                 noisy = value + self._rng.gauss(0.0, 0.3)
-                sent = [(time, Reading((noisy,), time - AGE_S))]
+                sent = [(time, Reading((noisy,), time - AGE_S, FRAME))]
                 if name == "a" and fault is not None:
                     sent = fault.feed(*sent[0])
                 for at, reading in sent:
@@ -77,8 +78,10 @@ class Streams:
             time, _, (name, reading) = heapq.heappop(self._coming)
             self._tick(time)
             age = None if reading.stamp is None else time - reading.stamp
-            values = reading.values
-            self._hear(events.Message(time, f"/{name}", f"/{name}_node", values, age=age))
+            values, length = reading.values, int(LENGTH * reading.share)
+            form = ("header.frame_id", reading.frame or ""), ("ranges", length)
+            whom = f"/{name}", f"/{name}_node"
+            self._hear(events.Message(time, *whom, values, age=age, form=form))
             self.heard += name == "a"
         self._tick(until)
 

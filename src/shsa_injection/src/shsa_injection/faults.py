@@ -16,11 +16,14 @@ SHARES = (1.0, 0.5, 0.1)
 class Reading:
     """One message: the values that the SOM names, None where it has none, and its stamp.
 
-    `stamp` in s, None: its type has no header.
+    `stamp` in s, None: its type has no header; `frame`: in that; `share`: of the elements of its
+    arrays, that are left.
     """
 
     values: Tuple[Value, ...]
     stamp: Optional[float] = None
+    frame: Optional[str] = None
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -204,6 +207,31 @@ class FutureStamp(OldStamp):
     _sign = 1.0
 
 
+class WrongFrame(Fault):
+    """Another frame, or none."""
+
+    def __init__(self, random: Random, stream: Stream) -> None:
+        super().__init__(random, stream)
+        self._frame = random.choice(("", f"wrong_{random.randrange(100)}"))
+        self.detail = f"the frame {self._frame!r}"
+
+    def feed(self, time: float, reading: Reading) -> List[Timed]:
+        frame = None if reading.frame is None else self._frame
+        return [(time, replace(reading, frame=frame))]
+
+
+class ShortArray(Fault):
+    """Arrays that lack elements at their ends."""
+
+    def __init__(self, random: Random, stream: Stream) -> None:
+        super().__init__(random, stream)
+        self._share = random.choice((0.0, 0.5))
+        self.detail = f"{self._share:.0%} of the elements are left"
+
+    def feed(self, time: float, reading: Reading) -> List[Timed]:
+        return [(time, replace(reading, share=self._share))]
+
+
 class Duplicate(Fault):
     """Each message several times, at once."""
 
@@ -228,6 +256,8 @@ MESSAGE_FAULTS: Dict[str, Type[Fault]] = {
     "inf": Infinite,
     "old_stamp": OldStamp,
     "future_stamp": FutureStamp,
+    "wrong_frame": WrongFrame,
+    "short_array": ShortArray,
     "duplicate": Duplicate,
 }
 """The class of each fault that is made of messages."""

@@ -57,8 +57,8 @@ FINDINGS: Dict[str, Finding] = {
     "spoof": _as(2.0, Kind.UNKNOWN_PUBLISHER, Kind.OUT_OF_RANGE, Kind.JUMP, stranger=True),
     "spoof_name": _as(2.0, Kind.UNKNOWN_PUBLISHER, Kind.OUT_OF_RANGE, Kind.JUMP, stranger=True),
 }
-"""Other faults depend on the robot: `stuck` on noise, `wrong` on a witness, `intermittent` and
-`serial_noise` on what was drawn."""
+"""Other faults depend on the robot: `stuck` on noise, `wrong` on a witness, `wrong_frame` and
+`short_array` on what was learned, `intermittent` and `serial_noise` on what was drawn."""
 
 
 def watched_kinds(service: Service) -> FrozenSet[Kind]:

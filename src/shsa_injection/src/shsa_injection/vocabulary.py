@@ -49,6 +49,8 @@ _ALL: Tuple[FaultWord, ...] = (
     FaultWord("inf", Place.MESSAGES, "infinity in every message, in every second or in one of ten"),
     FaultWord("old_stamp", Place.MESSAGES, "the stamps are 1 to 10 s too old", stamp=True),
     FaultWord("future_stamp", Place.MESSAGES, "the stamps are 1 to 10 s ahead", stamp=True),
+    FaultWord("wrong_frame", Place.MESSAGES, "the header names another frame, or none", stamp=True),
+    FaultWord("short_array", Place.MESSAGES, "arrays lose half of their elements, or all"),
     FaultWord("duplicate", Place.MESSAGES, "each message is published 2 to 4 times"),
     FaultWord("serial_noise", Place.LINE, "bits flip and bytes are lost on the serial line"),
     FaultWord("serial_silence", Place.LINE, "the serial line is open, and nothing comes"),

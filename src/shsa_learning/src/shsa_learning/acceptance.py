@@ -28,6 +28,8 @@ REMEDIES: Dict[Kind, str] = {
     Kind.WITNESS: "give its relations the errors that `shsa backtest` measures",
     Kind.STALE_STAMP: "set the clocks, or say `checks: {stale_stamp: false}`",
     Kind.FUTURE_STAMP: "set the clocks, or say `checks: {future_stamp: false}`",
+    Kind.FRAME: "say `checks: {frame: false}` if its frames change",
+    Kind.LENGTH: "say `checks: {length: false}` if its arrays get shorter",
     Kind.NEVER_PUBLISHED: "start it sooner, or give `startup_grace`",
 }
 

@@ -18,7 +18,7 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring import events
-from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.evidence import checked_provisions, checks_header
 from shsa_core.monitoring.machine import Monitor
 
 LOOK_S = 0.05
@@ -265,7 +265,7 @@ class HealthyRobot:
         return connect
 
     def _speaker(self, node: _Node, life: int, service: Service) -> Callable[[], None]:
-        properties, stamps = self._read[service.name], checks_stamps(service)
+        properties, stamps = self._read[service.name], checks_header(service)
         stamped = stamps and not service.type.startswith(("std_msgs", "geometry_msgs/Twist"))
         period = service.period or 0.5
         jitter = 0.1 * period
@@ -422,7 +422,8 @@ class HealthyRobot:
         wanted = self._wanted if late else self.now
         held, self._held_back = self._held_back, []
         ros_time = self._clock(self.now)
-        self._watch(events.ClockTicked(self.now, ros_time, self._simulated, self._waited))
+        waited = (("", self._waited),)
+        self._watch(events.ClockTicked(self.now, ros_time, self._simulated, waited))
         for hear in held:
             hear()
         self._watch(events.Tick(self.now, min(wanted, self.now), self.now))

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from typing import Optional, Union
 
 from shsa_core.model.log import Log
-from shsa_core.monitoring.events import Message, SubstitutionsChanged
+from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChanged, Tick
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,7 @@ class Overheard:
     stamp: int = 0
 
 
-@dataclass(frozen=True)
-class GateLeft:
-    """A node that published there is gone."""
-
-    time: float
-    publisher: str
-
-
-@dataclass(frozen=True)
-class Tick:
-    """Time has passed."""
-
-    time: float
-
-
-Event = Union[SubstitutionsChanged, Arrived, Overheard, GateLeft, Tick]
+Event = Union[SubstitutionsChanged, Arrived, Overheard, Disconnected, Tick]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import Dict, List, Optional, Set
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
+from shsa_core.gating.doubt import Doubt
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
 from shsa_core.model.log import Level
 from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
@@ -25,23 +26,27 @@ class _Original:
         # How many come is shaped, not judged: a good value stays one, however late it is.
         each = tuple(check for check in checks.each if check.sample is not RateSample)
         self.judged = replace(service, checks=replace(checks, each=each))
-        self.failure: Optional[Finding] = None
-        self._evidence = Evidence(self.judged, learned={})
-        self._good_in_a_row = 0
+        self.begin_anew()
         limits = [float(check.limit) for check in checks.each if isinstance(check, RateHigh)]
         self._rate = limits[0] / service.period if service.period and limits else math.inf
         self._tokens, self._time = settings.BURST, -math.inf
         self.heard, self.stamp = -math.inf, 0  # its last message that passed
 
+    def begin_anew(self) -> None:
+        """Hold nothing against it that another process did."""
+        self.failure: Optional[Finding] = None
+        self.evidence = Evidence(self.judged, learned={})
+        self._good_in_a_row = 0
+
     def judge(self, arrived: Arrived) -> bool:
         """Tell if a message may be heard: it is good, and so were those before it."""
-        good, failure = self._evidence.weigh(arrived.message, self.failure is not None)
+        good, failure = self.evidence.weigh(arrived.message, self.failure is not None)
         self._good_in_a_row = self._good_in_a_row + 1 if good else 0
         if failure is not None:
             self.failure = self.failure or failure
-        elif self.failure is not None and self._good_in_a_row >= self._evidence.recovery:
+        elif self.failure is not None and self._good_in_a_row >= self.evidence.verdict.recovery:
             self.failure = None
-            self._evidence.clear()
+            self.evidence.verdict.clear()
         return good and self.failure is None
 
     def is_in_turn(self, time: float) -> bool:
@@ -67,6 +72,7 @@ class Gate:
         self._service, self._first = service, first
         self._original = _Original(service)
         self._values_alone = _values_alone(service)
+        self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
         self._judges: Dict[str, Evidence] = {}  # of the substitutes, by their nodes
         self._newest: Optional[Arrived] = None  # good message of a substitute
@@ -84,7 +90,7 @@ class Gate:
                 SubstitutionsChanged: self._substitutions_changed,
                 Arrived: self._arrived,
                 events.Overheard: self._overheard,
-                events.GateLeft: self._gate_left,
+                events.Disconnected: self._disconnected,
                 events.Tick: self._tick,
             },
         )
@@ -173,6 +179,9 @@ class Gate:
         if not good:
             speaks = self._filling or before is not None
             return said if speaks else said + self._fill(event.time)
+        if self._is_doubted(event):
+            self._filling = True
+            return said + self._fill(event.time)
         # Consumers may have heard a substitute's message of that time, or a later one.
         ahead = self._substitutes_stamp - event.stamp
         replaced = event.stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
@@ -181,6 +190,17 @@ class Gate:
         self._filling = False
         original.heard, original.stamp = event.time, event.stamp
         return said + self._pass(event, event.time, event.stamp)
+
+    def _is_doubted(self, event: Arrived) -> bool:
+        """Tell if the newest value of a substitute contradicts a message of the node."""
+        newest = self._newest
+        if newest is None or event.time - newest.time > self._periods(settings.OLD):
+            return False
+        publisher = newest.message.publisher
+        rows = (row for row in self._rows.values() if row.node == publisher)
+        both = (self._original.evidence, event.message), (self._judges[publisher], newest.message)
+        said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
+        return self._doubt.holds(said, derived, rows, event.time)
 
     def _tell(self, before: Optional[Finding], after: Optional[Finding]) -> List[Command]:
         if (before is None) is (after is None) or self._muted:
@@ -212,8 +232,10 @@ class Gate:
         text = f"{self._service.heard}: {event.publisher} is back, it goes on"
         return [] if was_muted else [Log(Level.INFO, text)]
 
-    def _gate_left(self, event: events.GateLeft) -> List[Command]:
-        """Take over from the gate that is gone: nobody has to wait for its silence."""
+    def _disconnected(self, event: events.Disconnected) -> List[Command]:
+        """Take over from a gate that is gone: nobody has to wait for its silence."""
+        if event.publisher == self._service.node:
+            self._original.begin_anew()
         gone = event.publisher == self._first and self._muted
         return self._take_over(event.time) if gone else []
 

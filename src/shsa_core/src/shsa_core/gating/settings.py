@@ -13,6 +13,9 @@ BURST = 5.0
 START_S = 2.0
 """Until a second gate is connected to the first and misses it, and until a node that publishes
 without a row in the table of substitutions is a stranger."""
+JUDGED_LOOKS = 30
+"""Of the monitor, after which its witnesses have spoken: it needs two rounds of ten, and healing
+has to hear of that."""
 MOST_NAMED = 20
 """So many strangers are named."""
 CLOCK_SET_NS = 10**9

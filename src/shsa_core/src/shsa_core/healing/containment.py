@@ -64,6 +64,8 @@ def decide(case: Case) -> Verdict:
         return Verdict(False, f"{kept}: the SOM says so of {topic}")
     if case.protected:
         return Verdict(False, f"{kept}: {case.protected}")
+    if case.kind in (Kind.FRAME, Kind.LENGTH):
+        return Verdict(False, f"{kept}: its settings may have been changed")
     silent = case.kind in MISSED
     if case.restarted:
         until = " if it stays silent" if silent else ""

@@ -37,7 +37,21 @@ class Pulse(Word):
 
 
 @dataclass(frozen=True)
-class Started:
+class Event:
+    """Something has happened: one of the classes below that no other is made of."""
+
+    time: float
+
+
+@dataclass(frozen=True)
+class NodeEvent(Event):
+    """Something has happened to a node."""
+
+    node: str
+
+
+@dataclass(frozen=True)
+class Started(Event):
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
@@ -46,7 +60,6 @@ class Started:
     as in GraphSeen.
     """
 
-    time: float
     leftovers: Tuple[str, ...] = ()
     strangers: Tuple[str, ...] = ()
     records: Tuple[Record, ...] = ()
@@ -56,43 +69,35 @@ class Started:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class Prepared(Event):
     """The process from which substitutes are forked is up: they take less from now on."""
 
-    time: float
-
 
 @dataclass(frozen=True)
-class ShuttingDown:
+class ShuttingDown(Event):
     """The reconfigurator is about to end."""
 
-    time: float
-
 
 @dataclass(frozen=True)
-class LaunchEnding:
+class LaunchEnding(Event):
     """The launch that the robot belongs to is ending: from now on nodes stop on purpose."""
 
-    time: float
-
 
 @dataclass(frozen=True)
-class MaintenanceSet:
+class MaintenanceSet(Event):
     """Maintenance begins, or ends; while it is `on`, nothing is killed or started."""
 
-    time: float
     on: bool
 
 
 @dataclass(frozen=True)
-class FailureSeen:
+class FailureSeen(Event):
     """A monitor reports that `publisher` (empty if none was ever seen) of a service has failed.
 
     `service` may be empty: then topic and publisher tell it. `last_message`: the last good one,
     serialized; empty: not known.
     """
 
-    time: float
     service: str
     topic: str
     publisher: str
@@ -103,14 +108,13 @@ class FailureSeen:
 
 
 @dataclass(frozen=True)
-class HealthSeen:
+class HealthSeen(Event):
     """This has changed in a monitor's table; `whole`: this is all of it.
 
     `removed`: topics and publishers. `anew`: the monitor has just started. `host`: the computer
     that it watches; empty: all others.
     """
 
-    time: float
     rows: Tuple[PublisherHealth, ...]
     removed: Tuple[Tuple[str, str], ...] = ()
     whole: bool = False
@@ -119,57 +123,49 @@ class HealthSeen:
 
 
 @dataclass(frozen=True)
-class SomChanged:
+class SomChanged(Event):
     """The service-to-ontology mapping is another one now."""
 
-    time: float
     som: Som
 
 
 @dataclass(frozen=True)
-class GraphSeen:
+class GraphSeen(Event):
     """The master lists other subscribers of topics than before, or other duties of nodes.
 
     The duties of a node are what a kill costs beyond the SOM, in words.
     """
 
-    time: float
     subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...]
     duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
-class ModelsReloaded:
+class ModelsReloaded(Event):
     """Ontology and SOM were read again."""
 
-    time: float
     ontology: Ontology
     som: Som
 
 
 @dataclass(frozen=True)
-class NodeLearned:
+class NodeLearned(NodeEvent):
     """It was looked which process a node is; `known`: that is verified.
 
     `protected`: why it is never killed unless the SOM says so; empty: it may be.
     """
 
-    time: float
-    node: str
     known: bool
     protected: str = ""
 
 
 @dataclass(frozen=True)
-class NodeCameUp:
+class NodeCameUp(NodeEvent):
     """A process has come up as one of the nodes of WatchNodes, or is about to."""
-
-    time: float
-    node: str
 
 
 @dataclass(frozen=True)
-class NodeFound:
+class NodeFound(NodeEvent):
     """It was looked where the process of a node runs that is to be killed.
 
     `detail`: why it is not touched. `starter`: who has started it, in words; empty: not known.
@@ -177,8 +173,6 @@ class NodeFound:
     answer; None: nobody is connected, or it was not to be counted.
     """
 
-    time: float
-    node: str
     where: Where
     detail: str = ""
     starter: str = ""
@@ -186,128 +180,106 @@ class NodeFound:
 
 
 @dataclass(frozen=True)
-class NodeAnswered:
+class NodeAnswered(NodeEvent):
     """A node that was asked to leave has answered: it is well enough to shut down in order."""
 
-    time: float
-    node: str
-
 
 @dataclass(frozen=True)
-class NodeLeft:
+class NodeLeft(NodeEvent):
     """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
-    time: float
-    node: str
-
 
 @dataclass(frozen=True)
-class NodeUnregistered:
+class NodeUnregistered(NodeEvent):
     """A node that is gone had unregistered itself at the master: it was told to leave."""
 
-    time: float
-    node: str
-
 
 @dataclass(frozen=True)
-class ProcessUntouchable:
+class ProcessUntouchable(NodeEvent):
     """The process of a node cannot be ended; `detail`: why. Empty: it belongs to somebody else."""
 
-    time: float
-    node: str
     detail: str = ""
 
 
 @dataclass(frozen=True)
-class SubstituteStarted:
+class SubstituteStarted(NodeEvent):
     """The process of a substitute was set to work; `found`: when the search had ended."""
 
-    time: float
-    node: str
     found: float
 
 
 @dataclass(frozen=True)
-class ProcessExited:
-    """The process of a substitute ended, or never started."""
+class ProcessExited(NodeEvent):
+    """The process of a substitute ended, or was never `started`."""
 
-    time: float
-    node: str
     detail: str
+    started: bool = True
+
+    @property
+    def told(self) -> str:
+        """Return a text of what happened."""
+        return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)
-class ProcessPulse:
+class ProcessPulse(NodeEvent):
     """The process of a substitute gives its first sign of life; or none any more."""
 
-    time: float
-    node: str
     pulse: Pulse
 
 
 @dataclass(frozen=True)
-class SubstituteRequested:
+class SubstituteRequested(Event):
     """Somebody wants `service` substituted now; `last_message` as in FailureSeen."""
 
-    time: float
     service: str
     last_message: bytes = b""
 
 
 @dataclass(frozen=True)
-class NodeRestarted:
+class NodeRestarted(NodeEvent):
     """A node was started again; `with_us`: who started it first has started us too."""
 
-    time: float
-    node: str
     with_us: bool
 
 
 @dataclass(frozen=True)
-class RestartFailed:
+class RestartFailed(NodeEvent):
     """The faulty node could not be started again."""
 
-    time: float
-    node: str
     detail: str
 
 
 @dataclass(frozen=True)
-class StarterEnded:
+class StarterEnded(NodeEvent):
     """Those who started `node` first have ended: roslaunch, or a terminal."""
-
-    time: float
-    node: str
 
 
 @dataclass(frozen=True)
-class Released:
+class Released(Event):
     """Somebody lets the nodes that `service` keeps out return."""
 
-    time: float
     service: str
 
 
 @dataclass(frozen=True)
-class CalibrationsHeard:
+class CalibrationsHeard(Event):
     """The monitor tells how what may substitute services is calibrated.
 
     `removed`: services and programs that are calibrated no more.
     """
 
-    time: float
     rows: Tuple[CalibrationRow, ...]
     removed: Tuple[Tuple[str, Program], ...] = ()
 
 
 @dataclass(frozen=True)
-class HostSeen:
+class HostSeen(Event):
     """The agent of a computer tells that it is there.
 
     `load`: how many of its `cores` are busy; `sent` and `received`: bytes/s on its network.
     """
 
-    time: float
     host: str
     load: float
     cores: float
@@ -316,67 +288,34 @@ class HostSeen:
 
 
 @dataclass(frozen=True)
-class HostLost:
+class HostLost(Event):
     """The agent of a computer is not heard any more; `detail`: what was seen of that."""
 
-    time: float
     host: str
     detail: str
 
 
 @dataclass(frozen=True)
-class Idle:
+class Idle(Event):
     """There is nothing else to do: one plan can be made ahead."""
 
-    time: float
-
 
 @dataclass(frozen=True)
-class Tick:
+class Tick(Event):
     """Time passes."""
 
-    time: float
 
+@dataclass(frozen=True)
+class NodeCommand:
+    """Something is to be done with a node."""
 
-Event = Union[
-    Started,
-    Prepared,
-    ShuttingDown,
-    LaunchEnding,
-    MaintenanceSet,
-    FailureSeen,
-    HealthSeen,
-    SomChanged,
-    GraphSeen,
-    ModelsReloaded,
-    NodeLearned,
-    NodeCameUp,
-    NodeFound,
-    NodeAnswered,
-    NodeLeft,
-    NodeUnregistered,
-    ProcessUntouchable,
-    SubstituteStarted,
-    ProcessExited,
-    ProcessPulse,
-    SubstituteRequested,
-    NodeRestarted,
-    RestartFailed,
-    StarterEnded,
-    Released,
-    CalibrationsHeard,
-    HostSeen,
-    HostLost,
-    Idle,
-    Tick,
-]
+    node: str
 
 
 @dataclass(frozen=True)
-class LearnNode:
+class LearnNode(NodeCommand):
     """Find out which process a healthy publisher of a topic is; answered by NodeLearned."""
 
-    node: str
     topic: str = ""
 
 
@@ -395,7 +334,7 @@ class AskMonitor:
 
 
 @dataclass(frozen=True)
-class FindNode:
+class FindNode(NodeCommand):
     """Find out where the process of a node runs that is to be killed; answered by NodeFound.
 
     `successor`: if the process that was learned is dead, the one with its name now is meant.
@@ -403,7 +342,6 @@ class FindNode:
     counted on its own computer what it sends. `uri`: the address at which it must listen.
     """
 
-    node: str
     successor: bool = True
     topic: str = ""
     listen: float = 0.0
@@ -411,39 +349,33 @@ class FindNode:
 
 
 @dataclass(frozen=True)
-class AskToLeave:
+class AskToLeave(NodeCommand):
     """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
-
-    node: str
 
 
 @dataclass(frozen=True)
-class EndProcess:
+class EndProcess(NodeCommand):
     """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable.
 
     `gently`: by SIGTERM, so that it can still clean up.
     """
 
-    node: str
     gently: bool = False
 
 
 @dataclass(frozen=True)
-class ClearNode:
+class ClearNode(NodeCommand):
     """Clear what a node that is gone has left registered; NodeUnregistered if that is nothing."""
-
-    node: str
 
 
 @dataclass(frozen=True)
-class StartSubstitute:
+class StartSubstitute(NodeCommand):
     """Start a substitute's process, muted until the table of substitutions says that it publishes.
 
     Without a program it waits until the table gives it one, `shared`: several. `host`: the computer
     to start it on; empty: the reconfigurator's own.
     """
 
-    node: str
     program: Optional[Program]
     inputs: Tuple[Signal, ...] = ()
     outputs: Tuple[Signal, ...] = ()
@@ -452,31 +384,23 @@ class StartSubstitute:
 
 
 @dataclass(frozen=True)
-class AssignSubstitute:
+class AssignSubstitute(NodeCommand):
     """Have a running process see its program in the table; answered by SubstituteStarted."""
 
-    node: str
-
 
 @dataclass(frozen=True)
-class StopSubstitute:
+class StopSubstitute(NodeCommand):
     """End a substitute's process."""
 
-    node: str
-
 
 @dataclass(frozen=True)
-class RestartNode:
+class RestartNode(NodeCommand):
     """Start a node again as it was started; answered by NodeRestarted or RestartFailed."""
 
-    node: str
-
 
 @dataclass(frozen=True)
-class StopNode:
+class StopNode(NodeCommand):
     """End a node that was started again."""
-
-    node: str
 
 
 @dataclass(frozen=True)

@@ -391,7 +391,7 @@ class Reconfigurator:
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         served, commands = self._processes.exited(event)
-        return commands + self._core.ask_all(served, lambda each: each.exited(event.detail))
+        return commands + self._core.ask_all(served, lambda each: each.exited(event.told))
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
         served = self._processes.served(event.node) if event.pulse is events.Pulse.HUNG else ()

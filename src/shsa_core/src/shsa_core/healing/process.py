@@ -175,8 +175,7 @@ class Processes:
         if node in self.pool.processes:
             self.pool.died(event.time, node)
             self._forget(node)
-            text = f"An idle substitute's process died ({event.detail})."
-            return (), [Log(Level.WARN, text)]
+            return (), [Log(Level.WARN, f"An idle substitute failed: {event.told}.")]
         for name in served:
             self.leave(name, node)
         return served, []

@@ -297,9 +297,9 @@ class ServiceMachine:
         well = self.state is State.WELL
         return [] if well else self.step(found=event.found, spawned=event.time)
 
-    def exited(self, detail: str) -> List[Command]:
+    def exited(self, why: str) -> List[Command]:
         """Replace the substitute's process, which has ended."""
-        return self._substitute_failed(f"its process died ({detail})", False)
+        return self._substitute_failed(why, False)
 
     def process_hangs(self) -> List[Command]:
         """Replace the substitute's process, which hangs."""

@@ -12,6 +12,7 @@ from operator import attrgetter
 from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 from typing import Union, get_args, get_origin, get_type_hints
 
+from shsa_core.dispatch import members
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.host import Host
@@ -60,8 +61,9 @@ class Codec:
     """
 
     def __init__(self, hint: Any) -> None:
-        self._types = tuple(get_origin(each) or each for each in _members(hint))
-        self._read = _reader(hint)
+        hints = _members(hint)
+        self._types = tuple(get_origin(each) or each for each in hints)
+        self._read = _reader(Union[hints])
 
     def encode(self, value: Any) -> Any:
         """Return the value as what `json` writes. Raises TypeError if it is not of the type."""
@@ -86,7 +88,8 @@ class _Refused(Exception):
 
 
 def _members(hint: Any) -> Tuple[Any, ...]:
-    return get_args(hint) if get_origin(hint) is Union else (hint,)
+    many = get_origin(hint) is Union or (isinstance(hint, type) and hint not in FORMS)
+    return members(hint) if many else (hint,)
 
 
 # Writing.

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import (
+    FormSample,
     IntruderSample,
     OF_VALUE,
     RateSample,
@@ -177,6 +178,31 @@ def _unusual(age: float, sample: StampSample) -> str:
     return f"the stamp is {age:.3f} s old, {usual}"
 
 
+class Frame(Check):
+    kind, sample, default, usual = Kind.FRAME, FormSample, True, True
+    tells = (
+        "`frame_id` or `child_frame_id` is not that of the first 50 messages, if they had the same"
+    )
+
+    def judge(self, sample: FormSample) -> Optional[str]:
+        if isinstance(sample.found, int) or sample.found == sample.usual:
+            return None
+        return f"{sample.name} is {sample.found!r}, and was {sample.usual!r}"
+
+
+class Length(Check):
+    kind, sample, default, usual = Kind.LENGTH, FormSample, True, True
+    tells = (
+        "an array is shorter than in the first 50 messages, if it always had the same length there"
+    )
+
+    def judge(self, sample: FormSample) -> Optional[str]:
+        found, usual = sample.found, sample.usual
+        if isinstance(found, str) or isinstance(usual, str) or found >= usual or usual == 1:
+            return None  # one thing that was seen, and then none, is no fault
+        return f"{sample.name} has {found} elements, and had {usual}"
+
+
 class UnknownPublisher(Check):
     kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
     tells = (
@@ -203,6 +229,8 @@ REGISTRY: Dict[str, Type[Check]] = {
         RateLow,
         StaleStamp,
         FutureStamp,
+        Frame,
+        Length,
         UnknownPublisher,
     )
 }
@@ -211,11 +239,10 @@ REGISTRY: Dict[str, Type[Check]] = {
 The first that finds something tells its kind.
 """
 
-OFF_FOR_DISTANCES = (Kind.NOT_A_NUMBER, Kind.STUCK)
-"""Nothing in reach reads the same for as long as that lasts."""
-
 BY_VALUE = tuple(
-    Kind(name) for name, check in REGISTRY.items() if check.sample in (*OF_VALUE, StampSample)
+    Kind(name)
+    for name, check in REGISTRY.items()
+    if check.sample in (*OF_VALUE, StampSample, FormSample)
 )
 """The failures that single messages show: by what they say, not by when they come."""
 
@@ -239,8 +266,8 @@ def default_checks(
 
 def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:
     """Return the limit of a check where the SOM says nothing; None: it is off."""
-    if is_distance and kind in OFF_FOR_DISTANCES:
-        return None
+    if is_distance and kind in (Kind.NOT_A_NUMBER, Kind.STUCK):
+        return None  # nothing in reach reads the same for as long as that lasts
     return REGISTRY[str(kind)].default
 
 
@@ -252,7 +279,8 @@ class Checks:
     """The checks of a service's messages as a whole; those of one value stand with its property.
 
     `bad` bad messages among the last `of` make a failure: noise does not, a fault that comes and
-    goes does. So do `seldom` among ten times as many. `recovery` good ones in a row end it.
+    goes does. So do twice as many among LONG_WINDOW times as many. `recovery` good ones in a row
+    end it.
     """
 
     each: Tuple[Check, ...] = default_checks(of_values=False)
@@ -260,8 +288,3 @@ class Checks:
     of: int = 10
 
     recovery: ClassVar[int] = 5
-
-    @property
-    def seldom(self) -> int:
-        """So many bad messages among the last LONG_WINDOW times `of` make a failure."""
-        return 2 * self.bad

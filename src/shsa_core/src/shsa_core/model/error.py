@@ -3,6 +3,10 @@ from dataclasses import dataclass
 from typing import Optional
 
 
+SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
+"""A value may be so many rms, and so many times its p95, from the truth."""
+
+
 @dataclass(frozen=True)
 class Error:
     """The error of what a service or a relation yields, against what was true on recorded data.
@@ -31,3 +35,13 @@ class Error:
 def quality_of(error: Optional[Error]) -> float:
     """Return the quality of what says none itself: by the figures of its error, else 1."""
     return 1.0 if error is None else error.quality or 1.0
+
+
+def spread(error: Optional[Error]) -> Optional[float]:
+    """Return how far a value with this error may be from the truth, in its unit.
+
+    Errors last for as long as a look back and do not average out; p95 is of single moments.
+    """
+    if error is None:
+        return None
+    return max(SPREAD_RMS * error.rms, SPREAD_P95 * (error.p95 or 0.0))

@@ -30,6 +30,8 @@ class Kind(Word):
     WITNESS = "witness"
     STALE_STAMP = "stale_stamp"
     FUTURE_STAMP = "future_stamp"
+    FRAME = "frame"
+    LENGTH = "length"
     UNKNOWN_PUBLISHER = "unknown_publisher"
     NO_VALUE = "no_value"
     REQUESTED = "requested"

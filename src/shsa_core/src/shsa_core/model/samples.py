@@ -1,6 +1,6 @@
-"""Samples that the checks of a service judge: values, rates, stamps, strangers, witnesses."""
+"""Samples that the checks of a service judge: values, rates, stamps, forms, and what others say."""
 from dataclasses import dataclass
-from typing import NamedTuple, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple, Union
 
 
 class Hold(NamedTuple):
@@ -52,6 +52,21 @@ class StampSample:
     usual: Optional[float] = None
     allowed: float = 0.0
     again: bool = False
+
+
+Part = Union[str, int]
+Parts = Tuple[Tuple[str, Part], ...]
+"""The frames of a message, and the lengths of its arrays, each by its name."""
+Usual = Dict[str, Part]
+
+
+@dataclass(frozen=True)
+class FormSample:
+    """A part of a message, by its name: what it is, and what it always was before."""
+
+    name: str
+    found: Part
+    usual: Part
 
 
 @dataclass(frozen=True)

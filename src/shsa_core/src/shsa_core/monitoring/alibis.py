@@ -31,10 +31,10 @@ class Case:
     `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
     `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
-    when the computer was short of processor time, last. `paced`: the rate by the SOM is its own.
-    `together`: how many nodes are late, or out of range, with it, itself included. `confirmed`:
-    what others tell is as far out of range. `subscribed`: its topic is. `robot_came`: some node of
-    the robot was there. `formerly`: it did well under a former monitor.
+    when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
+    own. `together`: how many nodes are late, or out of range, with it, itself included.
+    `confirmed`: what others tell is as far out of range. `subscribed`: its topic is. `robot_came`:
+    some node of the robot was there. `formerly`: it did well under a former monitor.
     """
 
     blame: Blame
@@ -101,7 +101,7 @@ ROWS = (
         lambda case: case.came_up + CHANGEOVER_S >= case.began,
     ),
     Row(
-        "the computer is short of processor time",
+        "it waits for a processor, or the computer is short of processor time",
         _LATE,
         lambda case: case.short + CHANGEOVER_S >= case.began,
     ),

@@ -88,20 +88,11 @@ def _weakens(old: Service, new: Service) -> bool:
 
 def _told(new: Service, old: Service) -> str:
     """Return the numbers that differ, in words."""
-    said = [f"period: {_word(new.period)} (so far {_word(old.period)})"]
-    said = said if new.period != old.period else []
-    if new.deadline != old.deadline:
-        said.append(f"deadline: {new.deadline or 'usual'} (so far {old.deadline or 'usual'})")
-    if new.checks != old.checks:
-        said.append("checks")
+    numbers: List[Tuple[str, object, object]]
+    numbers = [("period", new.period, old.period), ("deadline", new.deadline, old.deadline)]
+    checks: List[Tuple[str, object, object]] = [("checks", new.checks, old.checks)]
     for now, before in zip(new.provides, old.provides):
-        if now.range != before.range:
-            what = f"range of {now.property}: {now.range or 'none'}"
-            said.append(f"{what} (so far {before.range or 'none'})")
-        if now.checks != before.checks:
-            said.append(f"checks of {now.property}")
-    return ", ".join(said)
-
-
-def _word(period: Optional[float]) -> str:
-    return "none" if period is None else f"{period:g}"
+        numbers.append((f"range of {now.property}", now.range, before.range))
+        checks.append((f"checks of {now.property}", now.checks, before.checks))
+    said = [f"{what}: {n or 'usual'} (so far {b or 'usual'})" for what, n, b in numbers if n != b]
+    return ", ".join(said + [what for what, n, b in checks if n != b])

@@ -1,6 +1,6 @@
 """Compares what the services' own nodes say with what others tell of it, and learns from both."""
 from math import isfinite
-from typing import Callable, Collection, Dict, List, NamedTuple, Optional
+from typing import Dict, NamedTuple, Optional
 
 from shsa_core.codegen.prediction import predictor
 from shsa_core.model.ontology import Ontology
@@ -9,7 +9,7 @@ from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.calibrations import Calibrations
 from shsa_core.monitoring.derivations import Derivations
-from shsa_core.monitoring.events import Command, Message
+from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Finding
 from shsa_core.monitoring.publishers import Publisher
 from shsa_core.monitoring.witness import Witnesses
@@ -30,7 +30,7 @@ class Comparisons:
     def __init__(self, ontology: Ontology, deadlines: Deadlines) -> None:
         self._ontology, self._som = ontology, Som()
         self._derivations = Derivations(deadlines)
-        self._calibrations = Calibrations(ontology, self._derivations)
+        self.calibrations = Calibrations(ontology, self._derivations)
         self._witnesses = Witnesses(ontology, self._derivations)
 
     def watch(self, som: Som) -> None:
@@ -39,7 +39,7 @@ class Comparisons:
         changed = [name for name in before if before[name] != som.services.get(name)]
         knows = predictor(self._ontology, som.sources)
         self._derivations.watch(som, changed)
-        self._calibrations.watch(som, knows, changed)
+        self.calibrations.watch(som, knows, changed)
         self._witnesses.watch(som, knows)
 
     def compare(self, publisher: Publisher, message: Message, good: bool) -> Optional[Compared]:
@@ -79,11 +79,3 @@ class Comparisons:
         sound = good and publisher.is_healthy and not doubtful
         service, values, looked, _ = compared
         self._derivations.judged(service, values, time, sound, looked)
-
-    def tick(self, time: float, there: Callable[[], Collection[str]]) -> None:
-        """Plan and look at what was learned; `there` returns the services that are there."""
-        self._calibrations.tick(time, there)
-
-    def changed(self, time: float) -> List[Command]:
-        """Return what is to be told of calibrations."""
-        return self._calibrations.changed(time)

@@ -7,6 +7,7 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.samples import Parts
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
@@ -61,84 +62,84 @@ class CalibrationRow:
 
 
 @dataclass(frozen=True)
-class SomChanged:
+class Event:
+    """Something has happened: one of the classes below that no other is made of."""
+
+    time: float
+
+
+@dataclass(frozen=True)
+class PublisherEvent(Event):
+    """Something has happened at a publisher of a topic."""
+
+    topic: str
+    publisher: str
+
+
+@dataclass(frozen=True)
+class SomChanged(Event):
     """The services to watch are those of `som` now; topics that are `unheard` are not subscribed
     yet.
     """
 
-    time: float
     som: Som
     unheard: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Subscribed:
+class Subscribed(Event):
     """A topic that was unheard is subscribed: who publishes it can be heard from now on."""
 
-    time: float
     topic: str
 
 
 @dataclass(frozen=True)
-class SubstitutionsChanged:
+class SubstitutionsChanged(Event):
     """New and changed rows of the table of substitutions, and the nodes whose rows are gone.
 
     `whole`: all rows.
     """
 
-    time: float
     rows: Tuple[Substitution, ...]
     removed: Tuple[str, ...] = ()
     whole: bool = False
 
 
 @dataclass(frozen=True)
-class FormerlyHealthy:
+class FormerlyHealthy(Event):
     """These publishers did well under a former monitor, as the reconfigurator knows.
 
     They are there already, and are given no time to come up.
     """
 
-    time: float
     publishers: Tuple[Key, ...]
 
 
 @dataclass(frozen=True)
-class Connected:
+class Connected(PublisherEvent):
     """A connection to a publisher was made, the first one or after an interruption.
 
     `uri`: the address of its process.
     """
 
-    time: float
-    topic: str
-    publisher: str
     uri: str = ""
 
 
 @dataclass(frozen=True)
-class Disconnected:
+class Disconnected(PublisherEvent):
     """A publisher is gone: its node, or what it offered."""
-
-    time: float
-    topic: str
-    publisher: str
 
 
 @dataclass(frozen=True)
-class Interrupted:
+class Interrupted(PublisherEvent):
     """The last connection to a publisher was lost, but its node lives.
 
     A new one is being made: Connected or Disconnected follows, or at least a Message.
     """
 
-    time: float
-    topic: str
-    publisher: str
-
 
 @dataclass(frozen=True)
-class Message:
+class Message(PublisherEvent):
     """A message came. `values` are those of `checked_provisions` of its service, each None where
     the message has none.
 
@@ -147,28 +148,25 @@ class Message:
     `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
     `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by which
     simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
-    `stamp`: in ns, as it came; 0: it has none.
+    `stamp`: in ns, as it came; 0: it has none. `form`: its frames and the lengths of its arrays.
     """
 
-    time: float
-    topic: str
-    publisher: str
     values: Optional[Tuple[Optional[float], ...]] = None
     error: str = ""
     age: Optional[float] = None
     waited: float = 0.0
     apart: Optional[float] = None
     stamp: int = 0
+    form: Parts = ()
 
 
 @dataclass(frozen=True)
-class Tick:
+class Tick(Event):
     """Time passes; every message that came before `time` is handled.
 
     The monitor wanted to wake at `wanted` at the latest, and did at `woke`; None: it was awake.
     """
 
-    time: float
     wanted: Optional[float] = None
     woke: Optional[float] = None
 
@@ -181,47 +179,28 @@ class Tick:
 
 
 @dataclass(frozen=True)
-class ClockTicked:
+class ClockTicked(Event):
     """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer.
 
-    `waited`: s in all in which something waited for a processor, by the kernel; None: not known.
+    `waited`: s in all in which something waited for a processor, by the kernel, as far as that is
+    known: the threads of a node, by its name; any on this computer, by the empty name.
     """
 
-    time: float
     ros_time: float
     simulated: bool = False
-    waited: Optional[float] = None
+    waited: Tuple[Tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
-class NodesEnding:
+class NodesEnding(Event):
     """The launch of these nodes is ending: they stop on purpose, and are not missed."""
 
-    time: float
     nodes: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Ending:
+class Ending(Event):
     """The launch of the monitor is ending: what stops from now on stops on purpose."""
-
-    time: float
-
-
-Event = Union[
-    SomChanged,
-    Subscribed,
-    SubstitutionsChanged,
-    FormerlyHealthy,
-    Connected,
-    Interrupted,
-    Disconnected,
-    Message,
-    Tick,
-    ClockTicked,
-    NodesEnding,
-    Ending,
-]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,11 @@ from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import RateSample, StampSample, ValueSample
+from shsa_core.model.samples import FormSample, RateSample, StampSample, Usual, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.form import Form
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
 from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
@@ -31,9 +32,9 @@ def checked_provisions(service: Service) -> Tuple[Provision, ...]:
     return tuple(each for each in service.provides if each.usual or _checks_of(each))
 
 
-def checks_stamps(service: Service) -> bool:
-    """Tell if any check needs the stamp in the header."""
-    return bool(_of(service.checks.each, StampSample))
+def checks_header(service: Service) -> bool:
+    """Tell if any check needs the header."""
+    return any(each.sample in (FormSample, StampSample) for each in service.checks.each)
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
@@ -109,7 +110,7 @@ class Verdict:
     """Counts the bad messages among the last ones: noise is no fault, what comes and goes is."""
 
     def __init__(self, checks: Checks) -> None:
-        self._bad, self._seldom, self._least = checks.bad, checks.seldom, checks.recovery
+        self._bad, self._seldom, self._least = checks.bad, 2 * checks.bad, checks.recovery
         self._short, self._long = (1 << checks.of) - 1, (1 << LONG_WINDOW * checks.of) - 1
         self._history = self._past = 0
         self.recovery = checks.recovery
@@ -137,18 +138,21 @@ class Verdict:
 class Evidence:
     """The evidence against one publisher, who provides `service`.
 
-    `properties`: those whose values are judged; `compares`: with what is usual of them. `learned`:
-    what is known of its values from before; None: nothing is learned, as of a substitute, whose
-    program may change.
+    `properties`: those whose values are judged. `learned`: what is known of its values from before;
+    None: nothing is learned, as of a substitute, whose program may change. `form`: of the messages
+    of the process before it, and then of its own.
     """
 
-    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
+    def __init__(
+        self, service: Service, learned: Optional[Learned] = None, form: Optional[Usual] = None
+    ) -> None:
         checks = service.checks
-        self._verdict = Verdict(checks)
+        self.verdict = Verdict(checks)
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self._values = [_Value(provision, learned) for provision in checked]
-        self.compares = any(each.usual for each in checked)
+        judged = () if learned is None or service.period is None else checks.each
+        self._form, self._form_checks = Form({} if form is None else form), _of(judged, FormSample)
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -174,8 +178,8 @@ class Evidence:
 
     @property
     def unusual(self) -> str:
-        """The first of its values that is not as usual, in words; empty: all are."""
-        return next((each.unusual for each in self._values if each.unusual), "")
+        """The first of what is not as usual, in words; empty: all is."""
+        return next((each.unusual for each in self._values if each.unusual), self._form.unusual)
 
     @property
     def span(self) -> float:
@@ -188,13 +192,9 @@ class Evidence:
         times = [each[1] for each in self._times]
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
-    @property
-    def recovery(self) -> int:
-        """So many good messages in a row end a failure."""
-        return self._verdict.recovery
-
-    def take_stamps(self, other: "Evidence") -> None:
-        """Go on with what another one learned of the stamps on the same connection."""
+    def take_habits(self, other: "Evidence") -> None:
+        """Go on with what another one learned of stamps and forms on the same connection."""
+        self._form = other._form
         if self._stamps.period == other._stamps.period:
             self._stamps = other._stamps
 
@@ -204,10 +204,6 @@ class Evidence:
         good = {each.name: each.good for each in other._values}
         for value in self._values:
             value.good = good.get(value.name)
-
-    def clear(self) -> None:
-        """Forget what was bad."""
-        self._verdict.clear()
 
     def violation(self, service: Service) -> Optional[Finding]:
         """Return how what was good so far violates the changed numbers of its service."""
@@ -234,8 +230,11 @@ class Evidence:
         finding = None
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
-        self._heard_stamp(message, finding is None and not failed)
-        guilty = self._verdict.add(finding is not None)
+        good = finding is None and not failed
+        self._heard_stamp(message, good)
+        if self._form_checks and good:
+            self._form.heard(message.form)
+        guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
@@ -252,6 +251,8 @@ class Evidence:
                     message.time, message.stamp, message.age, message.waited
                 )
             yield judge(self._stamp_checks, sample)
+        for form in self._form.samples(message.form):
+            yield judge(self._form_checks, form)
         if self._rate_checks:
             yield self._look_at_rate(message)
 

@@ -112,10 +112,10 @@ class Judgement:
             steady = previous is not None and time - previous <= publisher.allowed
             publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
             evidence = publisher.evidence
-            needed = Checks.recovery if evidence is None else evidence.recovery
+            needed = Checks.recovery if evidence is None else evidence.verdict.recovery
             if publisher.good_in_a_row >= needed:
                 if evidence is not None:
-                    evidence.clear()
+                    evidence.verdict.clear()
                 self._board.become_healthy(topic, publisher, time)
 
     def _intrusion(

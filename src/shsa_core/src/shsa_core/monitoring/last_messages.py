@@ -25,7 +25,8 @@ class LastMessages:
             return
         kept = self._kept.get((topic, publisher))
         if kept is None:
-            self._forget_before(time - OLDEST_MESSAGE_S)
+            since = time - OLDEST_MESSAGE_S
+            self._kept = {each: m for each, m in self._kept.items() if m[-1][0] >= since}
             kept = self._kept[topic, publisher] = deque(maxlen=MESSAGES_KEPT)
         kept.append((time, data))
 
@@ -77,7 +78,3 @@ class LastMessages:
         if failed and not ours:
             self._failed[row.key] = row
         return row
-
-    def _forget_before(self, time: float) -> None:
-        for key in [key for key, kept in self._kept.items() if kept[-1][0] < time]:
-            del self._kept[key]

@@ -9,7 +9,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.comparisons import Comparisons
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Due, Grace, Silence
+from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Grace, Silence
 from shsa_core.monitoring.events import Command, Event, Key, PublisherHealth
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
@@ -33,7 +33,6 @@ class Monitor:
         self._start_up = StartUp(self._board, settings.startup_grace)
         self._judgement = Judgement(self._board, self._around, self._comparisons)
         self._changes: List[changes.Change] = []
-        self._now = -inf
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
         self._ends = False
@@ -52,13 +51,6 @@ class Monitor:
                 events.ClockTicked: self._clock_ticked,
                 events.NodesEnding: self._nodes_ending,
                 events.Ending: self._ending,
-            },
-        )
-        self._judges: dispatch.Table[None] = dispatch.table(
-            Due,
-            {
-                Silence: self._judge_silence,
-                Grace: lambda due: self._start_up.judge(due, self._now),
             },
         )
 
@@ -85,7 +77,7 @@ class Monitor:
         commands = [*self._board.commands(seen.time), *self._start_up.awaited(seen.time)]
         commands += self._changes
         self._changes = []
-        commands += self._comparisons.changed(seen.time)
+        commands += self._comparisons.calibrations.changed(seen.time)
         return self._pace.ours(commands)
 
     def table(self) -> Tuple[PublisherHealth, ...]:
@@ -223,7 +215,8 @@ class Monitor:
         topic, publisher = found
         publisher.connected = False
         detail = "its connection was lost: the node died or left"
-        missed = publisher.state is HEALTHY and publisher.watched is not None
+        watched = publisher.watched
+        missed = watched and (publisher.state is HEALTHY or watched.knew(publisher.name))
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
             board.touch(topic, publisher.name)
@@ -298,23 +291,25 @@ class Monitor:
     # Judgement
 
     def _tick(self, event: events.Tick) -> None:
-        self._now = event.time
         self._around.look(event.time, event.late)
         self._look_anew(self._around.learn())
         for due in self._board.agenda.pop_due(event.time):
-            self._judges[type(due)](due)
-        self._comparisons.tick(event.time, self._healthy_services)
+            if isinstance(due, Grace):
+                self._start_up.judge(due, event.time)
+            else:
+                self._judge_silence(due, event.time)
+        self._comparisons.calibrations.tick(event.time, self._healthy_services)
 
-    def _judge_silence(self, due: Silence) -> None:
+    def _judge_silence(self, due: Silence, time: float) -> None:
         found = self._board.find(due.topic, due.publisher)
         if found is None:
             return
         topic, publisher = found
-        if publisher.deadline <= self._now:
+        if publisher.deadline <= time:
             if self._may_stop(topic, publisher):
-                self._board.mute(topic, publisher, self._now)
+                self._board.mute(topic, publisher, time)
             else:
-                self._judgement.silence(topic, publisher, self._now)
+                self._judgement.silence(topic, publisher, time)
         self._board.look_when_due(topic, publisher)
 
     def _look_anew(self, keys: Iterable[Key]) -> None:

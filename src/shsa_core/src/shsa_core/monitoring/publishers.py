@@ -4,7 +4,7 @@ from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.checks import Check
-from shsa_core.model.samples import IntruderSample
+from shsa_core.model.samples import IntruderSample, Usual
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
@@ -25,8 +25,8 @@ class WatchedService:
     monitor, and when that was told.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did. `learned`: what is known of its node's values; `gaps`: of the gaps
-    between its messages, None: its deadline is a fixed one.
+    none did. `learned`: what is known of its node's values; `form`: of that of its
+    messages; `gaps`: of the gaps between them, None: its deadline is a fixed one.
     """
 
     service: Service
@@ -37,7 +37,12 @@ class WatchedService:
     published: bool = False
     overdue: bool = False
     learned: Learned = field(default_factory=dict)
+    form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
+
+    def knew(self, node: str) -> bool:
+        """Return if a node did well under a former monitor, and was not heard by this one."""
+        return node == self.formerly[0] and not self.published
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
@@ -146,7 +151,7 @@ class Publisher:
     @property
     def is_notable(self) -> bool:
         """True if something is told of it, or may be: a doubt, or what is unusual."""
-        return bool(self.detail or self.suspicions or self.evidence and self.evidence.compares)
+        return bool(self.detail or self.suspicions or self.evidence and self.evidence.unusual)
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
@@ -176,9 +181,10 @@ class Publisher:
             self.evidence = None
             return
         own = self.name == watched.service.node
-        self.evidence = Evidence(watched.service, learned=watched.learned if own else None)
+        learned, form = (watched.learned, watched.form) if own else (None, None)
+        self.evidence = Evidence(watched.service, learned, form)
         if before is not None:
-            self.evidence.take_stamps(before)
+            self.evidence.take_habits(before)
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""

@@ -2,7 +2,7 @@
 from collections import deque
 from dataclasses import replace
 from math import inf
-from typing import Callable, Deque, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
@@ -26,8 +26,9 @@ class Surroundings:
         self._everybody = everybody
         self.watch = Watch()
         self._connected: Deque[Tuple[str, float]] = deque(maxlen=settings.REMEMBERED)
-        self._came_up = self._short = -inf
-        self._waited: Optional[Tuple[float, float]] = None  # when, and how much in all
+        self._came_up = -inf
+        self._waited: Dict[str, Tuple[float, float]] = {}  # when, and how much in all, by node
+        self._short: Dict[str, float] = {}  # when it waited for most of the time
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
         self._waiting: List[Tuple[str, Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
@@ -45,13 +46,13 @@ class Surroundings:
         else:
             self._connected.append((node, time))
 
-    def clock(self, time: float, waited: Optional[float]) -> None:
-        """Note for how long in all something has waited for a processor."""
-        before, self._waited = self._waited, None if waited is None else (time, waited)
-        if before is None or waited is None:
-            return
-        if waited - before[1] > settings.SHORT_SHARE * max(time - before[0], 0.0):
-            self._short = time
+    def clock(self, time: float, waited: Iterable[Tuple[str, float]]) -> None:
+        """Note for how long in all nodes, by the empty name any, have waited for a processor."""
+        for node, seconds in waited:
+            since, before = self._waited.get(node, (time, seconds))
+            if seconds - before > settings.SHORT_SHARE * max(time - since, 0.0):
+                self._short[node] = time
+            self._waited[node] = time, seconds
 
     def silence(self, publisher: Publisher) -> Case:
         """Return the case of a publisher that is silent for longer than it is allowed."""
@@ -118,7 +119,7 @@ class Surroundings:
             began,
             connected=next((at for name, at in reversed(self._connected) if name == node), -inf),
             came_up=self._came_up,
-            short=self._short,
+            short=max(self._short.get(each, -inf) for each in ("", node)),
             together=together,
         )
 

@@ -15,7 +15,7 @@ from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import LEARNED, Check
 from shsa_core.model.samples import WitnessSample
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, spread
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
@@ -77,7 +77,7 @@ class _Witness:
             seen.popleft()
         known = [] if self.stated is None else [self.stated]
         if seen and seen[0][0] <= time - 2 * settings.SETTLING_S:
-            known.append(_spread(seen[0][1]) or 0.0)
+            known.append(spread(seen[0][1]) or 0.0)
         return min(known, default=None)
 
 
@@ -210,7 +210,7 @@ class Witnesses:
             self._derivations.follow(followed)
             if by_errors:
                 followed.outputs[0].calibrate()
-            spreads = _spread(source.provision.error), _spread(followed.outputs[0].stated)
+            spreads = spread(source.provision.error), spread(followed.outputs[0].stated)
             found.append(_Witness(followed, by_errors, _apart(*spreads)))
             excluded.update(cause for each in plan.inputs for cause in each.service.wrong_with)
         return found
@@ -246,16 +246,6 @@ def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[
         return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
     text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
     return {each.service.name: f"{text}contradict" for one in wrong for each in one.plan.inputs}
-
-
-def _spread(error: Optional[Error]) -> Optional[float]:
-    """Return how far a value with this error may be from the truth, in its unit.
-
-    Errors last for as long as a look back and do not average out; p95 is of single moments.
-    """
-    if error is None:
-        return None
-    return max(settings.SPREAD_RMS * error.rms, settings.SPREAD_P95 * (error.p95 or 0.0))
 
 
 def _apart(one: Optional[float], other: Optional[float]) -> Optional[float]:

@@ -18,6 +18,7 @@ from shsa_core.gating.machine import Gate
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
+from shsa_core.monitoring.events import Disconnected
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
@@ -85,8 +86,8 @@ class GateNode:
         for happening in happenings:
             if isinstance(happening, Arrived):
                 self._arrived(happening, newest[happening.connection] is happening.data)
-            elif isinstance(happening, Gone) and happening.topic == self._service.heard:
-                self._feed(events.GateLeft(happening.time, happening.publisher))
+            elif isinstance(happening, Gone):
+                self._feed(Disconnected(*happening))
             elif isinstance(happening, Looked):
                 self._feed(events.Tick(happening.time))
 

@@ -158,7 +158,8 @@ class MonitorNode:
         before, self._ahead = self._ahead, ros_time - now
         if abs(self._ahead - before) > settings.REST_S or now - self._told_clock > settings.TURN_S:
             self._told_clock = now
-            waited = waited_in_all(self._arguments.pressure)
+            path = self._arguments.pressure
+            waited = (*waited_in_all(path), *self._launches.waited()) if path else ()
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
     def _guarded(self, handle: Callable[..., object], *what: Any) -> None:

@@ -2,18 +2,19 @@
 from typing import Dict, NamedTuple, Optional
 
 from shsa_core.errors import ShsaError
+from shsa_core.model.samples import Parts
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.evidence import checked_provisions, checks_stamps
+from shsa_core.monitoring.evidence import checked_provisions, checks_header
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
-from shsa_core.ros.messages.fields import STAMP_END, Decoder, stamp
+from shsa_core.ros.messages.fields import HEADER_END, Decoder, frame, stamp
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.frames import Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived
 
 ALL = Wanted()
-HEAD = Wanted(LAST_MESSAGE_B, STAMP_END)
-"""Nobody judges values: of a message too large to be kept, the stamp is all that is looked at."""
+HEAD = Wanted(LAST_MESSAGE_B, HEADER_END)
+"""Nobody judges values: of a message too large to be kept, the header is all that is looked at."""
 
 
 class _Needs(NamedTuple):
@@ -21,7 +22,7 @@ class _Needs(NamedTuple):
 
     service: Optional[Service]
     values: Optional[Decoder] = None
-    stamps: bool = False
+    header: bool = False
 
 
 class Reader:
@@ -44,16 +45,17 @@ class Reader:
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
         values, error, age, stamped = None, "", None, 0
+        form: Parts = ()
         if needs.values is not None and whole:
             try:
-                values = needs.values.values(data)
+                values, form = needs.values.values(data), needs.values.form()
             except ShsaError as refusal:
                 error = str(refusal)
-        if needs.stamps:
-            stamped = stamp(data)
+        if needs.header:
+            stamped, form = stamp(data), form or frame(data)
             age = (ros_time - stamped) / 1e9 if stamped else None
         whom = (connection.topic, connection.publisher)
-        return Message(time, *whom, values, error, age, waited, stamp=stamped)
+        return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
 
     def forget(self) -> None:
         """Learn anew what is needed, from whole messages: services have changed."""
@@ -66,7 +68,7 @@ class Reader:
             del self._needs[ended]
         needs = _Needs(service)
         fields = tuple(each.field for each in checked_provisions(service)) if service else ()
-        if service is not None and (fields or checks_stamps(service)):
+        if service is not None and (fields or checks_header(service)):
             decoder = connection.decoder(service.type, fields)
             if decoder is not None:
                 needs = _Needs(service, decoder if fields else None, decoder.has_stamp)

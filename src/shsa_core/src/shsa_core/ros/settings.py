@@ -16,6 +16,9 @@ SOON_S = 0.02
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
+LOOKED_AT = 20
+"""Nodes at each turn: for how long they have waited for a processor."""
+
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """There from the start: a call is made even where no thread can be started any more."""

@@ -24,13 +24,19 @@ class LastMessage:
 
 
 @dataclass(frozen=True)
-class RowChanged:
+class Event:
+    """Something has happened: one of the classes below that no other is made of."""
+
+    time: float
+
+
+@dataclass(frozen=True)
+class RowChanged(Event):
     """The table of substitutions has a new row of this node; the first: it was started with that.
 
     `last`: what its last good message held; None: it has none that can be read.
     """
 
-    time: float
     row: Substitution
     unusable: Unusable = ()
     last: Optional[LastMessage] = None
@@ -38,33 +44,29 @@ class RowChanged:
 
 
 @dataclass(frozen=True)
-class RowRemoved:
+class RowRemoved(Event):
     """The table of substitutions has no row of this node any more.
 
     `service`: of which, where several share the node. `ended`: it was taken out; else the whole
     table has none, as one of a reconfigurator that was started anew.
     """
 
-    time: float
     service: str = ""
     ended: bool = False
 
 
 @dataclass(frozen=True)
-class LeftAlone:
+class LeftAlone(Event):
     """No reconfigurator has been there for a minute."""
-
-    time: float
 
 
 @dataclass(frozen=True)
-class PlansChanged:
+class PlansChanged(Event):
     """The plans of warm services, for which an idle process prepares, that are new or changed.
 
     `removed`: the services that have none any more; `whole`: there are no others than `rows`.
     """
 
-    time: float
     rows: Tuple[Substitution, ...]
     removed: Tuple[str, ...] = ()
     whole: bool = False
@@ -72,10 +74,9 @@ class PlansChanged:
 
 
 @dataclass(frozen=True)
-class InputArrived:
+class InputArrived(Event):
     """A message came from `publisher`; `values`: its fields that are listened to, each by name."""
 
-    time: float
     topic: str
     publisher: str
     values: Tuple[Tuple[str, float], ...]
@@ -84,18 +85,16 @@ class InputArrived:
 
 
 @dataclass(frozen=True)
-class Advertised:
+class Advertised(Event):
     """A topic that was to be advertised is registered at the master: messages can be published."""
 
-    time: float
     topic: str
 
 
 @dataclass(frozen=True)
-class ConsumerJoined:
+class ConsumerJoined(Event):
     """A consumer has connected to an advertised topic."""
 
-    time: float
     topic: str
     consumer: str
 
@@ -110,36 +109,33 @@ class LookAtOriginal:
 
 
 @dataclass(frozen=True)
-class OriginalServes:
+class OriginalServes(Event):
     """The answer to a look: the consumers to which the original has published already.
 
     `up`: it answers, and so it may publish any moment.
     """
 
-    time: float
     look: LookAtOriginal
     consumers: FrozenSet[str]
     up: bool = False
 
 
 @dataclass(frozen=True)
-class OtherHeard:
+class OtherHeard(Event):
     """Somebody else, `publisher`, has published on a topic that is overheard."""
 
-    time: float
     topic: str
     publisher: str = ""
     stamp: int = 0
 
 
 @dataclass(frozen=True)
-class OtherGone:
+class OtherGone(Event):
     """The node of somebody else, `publisher`, on a topic that is overheard is gone.
 
     Its connection has ended, and nobody listens any more where it did. All that it said is told.
     """
 
-    time: float
     topic: str
     publisher: str
 
@@ -157,45 +153,25 @@ class LookAtOthers:
 
 
 @dataclass(frozen=True)
-class OthersStand:
+class OthersStand(Event):
     """The answer to a look: whether the connection stands; `alone`: a healer is not there."""
 
-    time: float
     look: LookAtOthers
     stands: bool
     alone: bool = False
 
 
 @dataclass(frozen=True)
-class ReachChanged:
+class ReachChanged(Event):
     """The agent of our computer tells whether the reconfigurator is out of its reach."""
 
-    time: float
     cut_off: bool
 
 
 @dataclass(frozen=True)
-class Tick:
+class Tick(Event):
     """Time passes."""
 
-    time: float
-
-
-Event = Union[
-    RowChanged,
-    RowRemoved,
-    LeftAlone,
-    PlansChanged,
-    InputArrived,
-    Advertised,
-    ConsumerJoined,
-    OriginalServes,
-    OtherHeard,
-    OtherGone,
-    OthersStand,
-    ReachChanged,
-    Tick,
-]
 
 LEFT_ALONE = "no reconfigurator has been there for a minute"
 

@@ -37,6 +37,10 @@ class PublishingFault:
         self._stamped = bool(self._class._has_header)
         if FAULTS[word].stamp and not self._stamped:
             raise ShsaError(f"messages of {self._topic} have no stamp: {self._class._type}")
+        layout = zip(self._class.__slots__, self._class._slot_types)
+        self._arrays = [name for name, kind in layout if kind.endswith("[]")]
+        if word == "short_array" and not self._arrays:
+            raise ShsaError(f"messages of {self._topic} have no array: {self._class._type}")
         ranges = tuple(
             None if each is None else (each[0], each[1]) for _, each in request["values"]
         )
@@ -124,7 +128,8 @@ class PublishingFault:
 
     def _read(self, message: genpy.Message) -> Reading:
         stamp = message.header.stamp.to_sec() if self._stamped else None
-        return Reading(tuple(field.get(message) for field in self._fields), stamp)
+        frame = message.header.frame_id if self._stamped else None
+        return Reading(tuple(field.get(message) for field in self._fields), stamp, frame)
 
     def _changed_message(
         self, message: genpy.Message, reading: Reading, other: Reading
@@ -138,6 +143,11 @@ class PublishingFault:
         for field, before, value in zip(self._fields, reading.values, other.values):
             if value is not None and value != before:
                 field.set(changed, value)
+        if other.frame is not None:
+            changed.header.frame_id = other.frame
+        for name in self._arrays if other.share < 1.0 else ():
+            array = getattr(changed, name)
+            setattr(changed, name, array[: int(other.share * len(array))])
         return changed
 
 

@@ -18,6 +18,8 @@ KINDS: Dict[Kind, str] = {
     Kind.WITNESS: "its value was too far from what other services tell of it",
     Kind.STALE_STAMP: "its stamps were too old",
     Kind.FUTURE_STAMP: "its stamps lay in the future",
+    Kind.FRAME: "its messages named another frame",
+    Kind.LENGTH: "its arrays were too short",
     Kind.UNKNOWN_PUBLISHER: "a node that nobody knows published beside the right one",
     Kind.NO_VALUE: "the law of what stood in for it did not hold, or had no value",
     Kind.REQUESTED: "somebody asked for a substitute",

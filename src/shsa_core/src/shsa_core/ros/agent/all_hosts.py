@@ -140,7 +140,8 @@ class AllHosts:
             self._send(home, command)
         else:
             why = f"{command.host} is none of the hosts: {', '.join(self._remote) or 'none'}"
-            self._tell(events.ProcessExited(clock.now(), command.node, why))
+            exited = events.ProcessExited(clock.now(), command.node, why, False)
+            self._tell(exited)
 
     # The conversations with the agents.
 

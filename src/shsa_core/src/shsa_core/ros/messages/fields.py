@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 import struct
+from operator import attrgetter
 from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type
 
 import genpy
@@ -16,12 +17,15 @@ from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import ANGLES, Named, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
 from shsa_core.model.field_value import angles, field_value, place_of, quaternion
+from shsa_core.model.samples import Parts
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 from shsa_core.text import shown
 
-STAMP_END = 12
-"""The stamp of a std_msgs/Header lies in so many first bytes."""
+STAMP_END, HEADER_END = 12, 256
+"""The stamp of a std_msgs/Header lies in so many first bytes, and all of it in so many."""
+FRAMES = ("header.frame_id", "child_frame_id")
 
 
 class Field:
@@ -165,6 +169,14 @@ class Decoder:
                 self._fields.append(None)
                 self.problems.append(str(error))
         self.has_stamp: bool = self._class._has_header
+        layout = message_types.layout_of(self._class)
+        self._arrays = [name for name, kind in layout.items() if kind.endswith("[]")]
+        self._frames = FRAMES[not self.has_stamp : 1 + ("child_frame_id" in layout)]
+
+    def form(self) -> Parts:
+        """Return the frames in the message that was read last, and how long its arrays are."""
+        frames = ((name, attrgetter(name)(self._message)) for name in self._frames)
+        return (*frames, *((name, len(getattr(self._message, name))) for name in self._arrays))
 
     def values(self, data: bytes) -> Tuple[Optional[float], ...]:
         """Return the fields' values, None where there is none.
@@ -185,6 +197,13 @@ def stamp(data: bytes) -> int:
         return 0
     seconds, nanoseconds = struct.unpack_from("<4xII", data)
     return int(seconds) * 10**9 + int(nanoseconds)
+
+
+def frame(data: bytes) -> Parts:
+    """Return the frame in the std_msgs/Header that a message begins with; nothing if it was cut."""
+    begin = STAMP_END + LENGTH.size
+    end = begin + LENGTH.unpack_from(data, STAMP_END)[0] if len(data) >= begin else math.inf
+    return ((FRAMES[0], data[begin:end].decode(errors="replace")),) if end <= len(data) else ()
 
 
 class Problem(NamedTuple):

@@ -53,7 +53,7 @@ def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
     if isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
         return events.ProcessUntouchable(now, command.node, why)
     if isinstance(command, events.StartSubstitute):
-        return events.ProcessExited(now, command.node, why)
+        return events.ProcessExited(now, command.node, why, False)
     if isinstance(command, events.RestartNode):
         return events.RestartFailed(now, command.node, why)
     return None

@@ -23,6 +23,8 @@ OF_HEALING = {"agent", "gate", "monitor", "reconfigurator", "standby", "substitu
 Identity = Tuple[int, float]
 """A process by its number and its start, in clock ticks since the computer's."""
 NOBODY: Identity = (0, 0.0)
+Waits = Tuple[Tuple[str, float], ...]
+"""For how long in all nodes waited for a processor, in s, by name; by the empty one, anybody."""
 
 
 class Running(NamedTuple):
@@ -187,16 +189,25 @@ def waited(pid: int) -> float:
     return total / 1e9
 
 
-def waited_in_all(path: str) -> Optional[float]:
-    """Return for how long something waited for a processor since the start, in s; None: not known.
+def waited_in_all(path: str) -> Waits:
+    """Return for how long something waited for a processor since the start, in s; empty: not known.
 
     `path`: usually /proc/pressure/cpu, whose first line ends with total=MICROSECONDS.
     """
     try:
         with open(path, encoding="ascii") as file:
-            return 1e-6 * int(file.readline().rpartition("total=")[2])
+            return (("", 1e-6 * int(file.readline().rpartition("total=")[2])),)
     except (OSError, ValueError):
-        return None
+        return ()
+
+
+def crowded() -> bool:
+    """Return whether there are more threads that could run now than processors, if that is told."""
+    try:
+        with open("/proc/loadavg", encoding="ascii") as file:
+            return int(file.read().split()[3].partition("/")[0]) > (os.cpu_count() or 1)
+    except OSError:
+        return False  # as where no file can be opened
 
 
 def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:

@@ -51,12 +51,13 @@ class Launch:
 
 
 class Launches:
-    """The roslaunches of nodes that run on this computer as our user."""
+    """The processes of nodes that run on this computer as our user, and their roslaunches."""
 
     def __init__(self) -> None:
         self._worker = Workers("launches")
         self._lock = threading.Lock()
         self._unknown: Set[str] = set()
+        self._processes: Dict[str, int] = {}  # whose turn it is comes first
         self._of_node: Dict[str, int] = {}
         self._logs: Dict[int, _LaunchLog] = {}
 
@@ -76,6 +77,19 @@ class Launches:
             self._logs = {pid: log for pid, log in self._logs.items() if pid not in ended}
             return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
 
+    def waited(self) -> kernel.Waits:
+        """Return for how long in all nodes have waited for a processor, in s: each in its turn.
+
+        Nobody is looked at while nobody need wait: it takes 0.1 ms each.
+        """
+        if not kernel.crowded():
+            return ()
+        with self._lock:
+            turn = list(self._processes.items())[: settings.LOOKED_AT]
+            for node, pid in turn:
+                self._processes[node] = self._processes.pop(node)
+        return tuple((node, kernel.waited(pid)) for node, pid in turn)
+
     def _look(self) -> None:
         time.sleep(settings.CALL_S)
         with self._lock:
@@ -85,6 +99,7 @@ class Launches:
                 continue
             found = _find_log(pid)
             with self._lock:
+                self._processes[node] = pid
                 self._of_node.pop(node, None)
                 if found is not None:
                     self._of_node[node] = found[0]

@@ -1,0 +1,56 @@
+"""Doubts a jump of the node's value that its substitute did not see, until the monitor has judged.
+
+The substitute derives the value from other nodes: it is a witness, and so is what the node said
+before. Where both contradict, consumers hear the substitute. One derivation alone convicts nobody:
+after as long as the monitor's witnesses take, the node is believed unless they contradict as well.
+"""
+from math import inf
+from typing import Dict, Iterable, Optional, Tuple
+
+from shsa_core.gating import settings
+from shsa_core.model.checks import LEARNED, Witness
+from shsa_core.model.error import spread
+from shsa_core.model.service import Service
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.settings import SAMPLE_S
+
+Values = Dict[str, Optional[float]]
+Rows = Iterable[Substitution]
+
+
+class Doubt:
+    """Compares the values of a service's node with those of its substitute. Times in s."""
+
+    def __init__(self, service: Service) -> None:
+        pairs = ((each, check) for each in service.provides for check in each.checks)
+        self._limits = [(p, float(c.limit)) for p, c in pairs if isinstance(c, Witness)]
+        self._agreed: Dict[str, Tuple[float, float]] = {}  # what both said when they agreed last
+        self._since = inf
+
+    def holds(self, said: Values, derived: Values, rows: Rows, time: float) -> bool:
+        """Tell if a message is doubted: the node `said` what its substitute did not derive."""
+        errors = {each.field: each.error for row in rows for each in row.outputs}
+        doubted = False
+        for each, limit in self._limits:
+            allowed = spread(errors.get(each.field)) if limit == LEARNED else limit
+            pair = said.get(each.property), derived.get(each.property)
+            doubted = self._contradicts(each.property, allowed, *pair) or doubted
+        self._since = min(self._since, time) if doubted else inf
+        if time - self._since > settings.JUDGED_LOOKS * SAMPLE_S:
+            self._agreed.clear()
+        return doubted
+
+    def _contradicts(
+        self, name: str, allowed: Optional[float], value: Optional[float], other: Optional[float]
+    ) -> bool:
+        if value is None or other is None or allowed is None:
+            return False
+        agreed = self._agreed.pop(name, None)
+        if abs(value - other) <= allowed:
+            agreed = value, other
+        elif agreed is None or abs(value - agreed[0]) <= max(
+            allowed / 2.0, 2.0 * abs(other - agreed[1])
+        ):
+            return False  # it was so before, or it is the substitute's value that moved
+        self._agreed[name] = agreed
+        return agreed[0] != value
