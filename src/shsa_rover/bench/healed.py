@@ -57,11 +57,13 @@ class Outcome:
         return 100.0 * self.rms / self.span
 
 
-def drive(world: World, seed: int, seconds: float) -> Dataset:
-    """Return a drive that nothing was fitted to."""
+def drive(
+    world: World, seed: int, seconds: float, then: Optional[Tuple[float, World]] = None
+) -> Dataset:
+    """Return a drive that nothing was fitted to; `then`: so many s later in another world."""
     random = Random(f"{seed}/unseen")
     legs = round(LEGS_A_MINUTE * seconds / 60.0) + 1
-    return simulate(random_drive(seed, legs), seconds, seed, random.uniform(*CHARGES), world)
+    return simulate(random_drive(seed, legs), seconds, seed, random.uniform(*CHARGES), world, then)
 
 
 def plans(ontology: Ontology, som: Som) -> Tuple[Plan, Plan]:

@@ -64,10 +64,12 @@ class Watched:
 
 def compared(som: Som) -> Som:
     """Return the SOM with every value of a periodic service compared by the known errors."""
-    return Som([_compared(service) for service in _slower(som)])
+    return Som([_compared(service) for service in slower(som)])
 
 
-def _slower(som: Som) -> Som:
+def slower(som: Som) -> Som:
+    """Return the SOM with no more messages than witnesses look at."""
+    """Return the SOM with no more messages than witnesses look at."""
     slowest = SLOWEST_ROWS * PERIOD_S
     return Som([replace(s, period=s.period and max(s.period, slowest)) for s in som])
 
@@ -131,7 +133,7 @@ def wrong(data: Dataset, fault: Fault) -> Dataset:
 
 def _only_current(som: Som) -> Som:
     """Only the current is compared."""
-    return Som([_compared(each) if each.name == LOST else each for each in _slower(som)])
+    return Som([_compared(each) if each.name == LOST else each for each in slower(som)])
 
 
 def found_in(

@@ -1,15 +1,16 @@
 """The calibration of a derivation: gain and offset as the sensor tells, and nothing worse."""
 from math import inf, nan, pi, remainder, sin, sqrt, tau
 from random import Random
+from statistics import pvariance
 from typing import Callable
 
 import pytest
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.growth import PRIOR_GAIN
 from shsa_core.monitoring.calibration import Calibrator
 from shsa_core.monitoring.settings import (
     DRIFT_S,
-    DRIFTS,
     ERRORS,
     FEWEST_ERRORS,
     GAIN_STEP,
@@ -121,28 +122,61 @@ def test_what_is_doubted_teaches_nothing_and_nor_does_what_came_just_before() ->
     assert abs(stream.errs(5.0)) < 0.15
 
 
-@pytest.mark.parametrize("rate", [0.005, 0.01, 0.05, 1.0])
-@pytest.mark.parametrize("minutes", [2.0, 30.0])
-def test_a_sensor_that_drifts_takes_its_substitute_no_further_than_stated(
-    rate: float, minutes: float
-) -> None:
-    """`min(T / DRIFT_S, DRIFTS)` times rms error and gain step, after T s of drift."""
+@pytest.mark.parametrize("rate", [0.005, 0.05, 1.0])
+def test_a_sensor_that_nobody_confirms_takes_its_substitute_nowhere(rate: float) -> None:
+    stream = Stream()
+    stream.run(3.0 * SETTLING_S)
+    settled, calibrator = stream.found, stream.calibrator
+    calibrator.confirmed = False
+    assert not calibrator.keeps
+    stream.run(300.0, added=lambda passed: rate * passed + 0.001 * passed * driving(passed))
+    assert (stream.found.gain, stream.found.offset) == (settled.gain, settled.offset)
+    assert calibrator.keeps and calibrator.pull > NOISE
+    assert stream.found.error is not None and settled.error is not None
+    assert stream.found.error.rms > settled.error.rms
+
+
+def test_a_change_that_is_confirmed_is_followed_slowly() -> None:
     stream = Stream()
     stream.run(3.0 * SETTLING_S)
     usual = max(abs(stream.errs(derived)) for derived in (0.0, 5.0, 10.0))
-    stream.run(60.0 * minutes, added=lambda passed: rate * passed)
-    share = min(60.0 * minutes / DRIFT_S, DRIFTS)
+    stream.run(120.0, added=lambda passed: 0.05 * passed)
     for derived in (0.0, 5.0, 10.0):
-        bound = share * (1.1 * NOISE + GAIN_STEP * abs(derived - 5.0))
+        bound = 120.0 / DRIFT_S * (1.1 * NOISE + GAIN_STEP * abs(derived - 5.0))
         assert abs(stream.errs(derived)) <= bound + usual + 0.05
+    assert abs(stream.errs(5.0)) > 0.05
+    assert not stream.calibrator.keeps
 
 
-def test_a_drift_of_the_gain_is_bounded_as_well() -> None:
+def test_a_relation_that_is_as_good_as_stated_takes_no_drift_for_an_offset() -> None:
+    stream = Stream(gain=1.0, offset=0.0)
+    stream.calibrator.confirmed = False
+    stream.run(90.0, added=lambda passed: 0.005 * passed)
+    assert (stream.found.gain, stream.found.offset) == (1.0, 0.0)
+
+
+def test_two_that_are_pulled_the_same_way_do_not_confirm_each_other() -> None:
+    drifting, steady = Stream(), Stream()
+    assert not steady.calibrator.confirms(1.0)  # it knows too little
+    for stream in (drifting, steady):
+        stream.run(3.0 * SETTLING_S)
+        stream.calibrator.confirmed = False
+    drifting.run(60.0, added=lambda passed: 0.05 * passed)
+    pull = drifting.calibrator.pull
+    assert steady.calibrator.confirms(pull) and not drifting.calibrator.confirms(pull)
+    assert drifting.calibrator.confirms(-pull)
+
+
+def test_what_nobody_measures_grows_with_age_and_beyond_what_was_seen() -> None:
     stream = Stream()
-    stream.run(3.0 * SETTLING_S)
-    settled = stream.found.gain
-    stream.run(3600.0, added=lambda passed: 0.001 * passed * driving(passed + 1180.0))
-    assert abs(stream.found.gain - settled) <= DRIFTS * GAIN_STEP + 1e-9
+    stream.run(60.0)
+    calibrator = stream.calibrator
+    variance = pvariance([driving(1000.0 + 0.1 * each) for each in range(550)])
+    ages = [calibrator.aged(stream.now + hours * 3600.0) for hours in (0.0, 0.5, 1.0, 100.0)]
+    assert ages == sorted(ages) and ages[0] < 0.01 * variance
+    assert ages[-1] == pytest.approx(PRIOR_GAIN**2 * variance, rel=0.1)
+    assert calibrator.beyond(driving(stream.now)) == 0.0
+    assert calibrator.beyond(30.0) > calibrator.beyond(20.0) > 0.0
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])

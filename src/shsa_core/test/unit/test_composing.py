@@ -303,7 +303,9 @@ def test_other_types_are_nan_where_nobody_knows() -> None:
     assert composed(Float64(1.0), ZERO).data == 0.0
     stamped = Float64Stamped(data=2.0)
     stamped.header.frame_id = "battery"
-    assert composed(stamped, data=0.1).header.frame_id == "battery"
+    message = composed(stamped, data=0.1)
+    assert message.header.frame_id == "battery" and message.variance == pytest.approx(0.01)
+    assert math.isnan(composed(stamped, data=None).variance)
 
 
 def test_last_is_all_as_it_was() -> None:

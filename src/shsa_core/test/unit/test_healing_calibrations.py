@@ -98,6 +98,8 @@ def test_while_it_substitutes_the_calibration_stays_as_of_the_failure() -> None:
     told(robot, 20.0, LATER)
     robot.table(21.0)
     assert calibrated(robot) == (1.2, 0.5)
+    (row,) = robot.working()
+    assert row.outputs[0].error == LATER.error  # nobody measures: the monitor knows better
 
 
 def test_what_was_told_meanwhile_counts_at_the_next_failure() -> None:

@@ -6,6 +6,8 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 
+from shsa_core.codegen.plans import plan_witness
+from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.kinds import Kind
@@ -23,10 +25,12 @@ from shsa_core.monitoring.events import (
     SomChanged,
     SubstitutionsChanged,
     Tick,
+    Told,
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Program, Substitution
+from shsa_core.search.derivation import SourceTable
 
 PERIOD = 0.05
 ONTOLOGY = """
@@ -38,7 +42,7 @@ properties:
   heading: {unit: rad}
 relations:
   first: {load: {function: 2 * speed, quality: 0.9, error: 0.2}}
-  second: {load: {function: power / 3, quality: 0.5, error: 0.9}}
+  second: {load: {function: power / 3, quality: 0.5, error: 0.5}}
   slope: {speed: {function: derivative(position), quality: 0.9}}
   path: {position: integral(speed)}
   turn: {heading: 0.1 * power}
@@ -73,6 +77,7 @@ class Robot:
         self.failures: List[PublisherHealth] = []
         self.rows: Dict[Tuple[str, Program], Tuple[Calibration, ...]] = {}
         self.told = 0
+        self.said: List[str] = []
         self.hear(SomChanged(self.now, Som(services)))
         for each in services:
             self.hear(Connected(self.now, each.topic, each.node))
@@ -81,6 +86,8 @@ class Robot:
         for said in self.core.handle(event):
             if isinstance(said, HealthChanged):
                 self.failures += said.failed
+            elif isinstance(said, Told):
+                self.said.append(said.text)
             elif isinstance(said, CalibrationsChanged):
                 self.told += len(said.rows)
                 self.rows.update({(r.service, r.program): r.calibrations for r in said.rows})
@@ -148,20 +155,91 @@ def test_it_stays_as_of_the_last_good_second_when_the_node_fails(ontology: Ontol
     assert after(4.0) == pytest.approx(before(4.0), abs=0.05)
 
 
-def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:
-    robot = Robot(ontology, LOAD, SPEED)
-    robot.run(60.0)
-    before = robot.of("load", "speed")
+def substitute(robot: Robot) -> None:
+    """Lose the load: a substitute takes its place."""
     robot.hear(Disconnected(robot.now, "/load", "/load_node"))
     output = Signal("/load", "data", "std_msgs/Float64", "", PERIOD, 0.25)
     row = Substitution("/substitute_1", "load", (), "y=0.0", (output,), publishing=True)
     robot.hear(SubstitutionsChanged(robot.now, (row,), whole=True))
     robot.hear(Connected(robot.now, "/load", "/substitute_1"))
-    for _ in range(1200):
-        robot.run(PERIOD, silent="load")
+
+
+def stand_in(robot: Robot, seconds: float, **wrong: float) -> None:
+    for _ in range(round(seconds / PERIOD)):
+        robot.run(PERIOD, silent="load", **wrong)
         value = 30.0 + robot.random.random()
         robot.hear(Message(robot.now, "/load", "/substitute_1", (value,)))
-    assert robot.of("load", "speed") == before
+
+
+def test_the_stated_error_grows_with_age_and_where_two_derivations_part(
+    ontology: Ontology,
+) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(90.0)
+    before = rms(robot)
+    substitute(robot)
+    stand_in(robot, 20.0)
+    aged = rms(robot)
+    assert before < aged < before + 0.2
+    stand_in(robot, 20.0, speed=3.5)
+    assert rms(robot) > aged + 0.5
+
+
+def rms(robot: Robot) -> float:
+    """Return the error that is stated of what is derived from the speed."""
+    found = robot.of("load", "speed")
+    assert found is not None and found.error is not None
+    return found.error.rms
+
+
+def drift(robot: Robot, seconds: float, *drifting: str) -> None:
+    for number in range(round(seconds / PERIOD)):
+        wrong = {n: robot.true()[n] + 0.02 * number * PERIOD for n in drifting}
+        robot.run(PERIOD, "", **wrong)
+
+
+def test_a_sensor_that_drifts_from_all_that_is_derived_is_not_followed(
+    ontology: Ontology,
+) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(120.0)
+    before = robot.of("load", "speed")
+    drift(robot, 150.0, "load")
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert after(4.0) == pytest.approx(before(4.0), abs=0.02)
+    assert len(robot.said) == 1 and "load and what is derived of it part by" in robot.said[0]
+
+
+def test_a_change_that_another_derivation_confirms_is_followed(ontology: Ontology) -> None:
+    """What is derived from the speed is no more what the load is; the power says so as well."""
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(120.0)
+    before = robot.of("load", "speed")
+    drift(robot, 150.0, "speed")
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert before(4.0) - after(4.0) > 0.02 and robot.said == []
+
+
+def test_who_repeats_what_a_service_says_is_no_witness(ontology: Ontology) -> None:
+    echo = service("power", derived_from=("load",))
+    som = Som((LOAD, SPEED, echo))
+    table = SourceTable(ontology.network, som.sources)
+    assert plan_witness(ontology, som.services["load"], table, ("/load_node",)).relations
+    with pytest.raises(ShsaError):
+        plan_witness(ontology, som.services["load"], table, ("/load_node", "/speed_node"))
+
+
+def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    substitute(robot)
+    stand_in(robot, 60.0)
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert after(4.0) == pytest.approx(before(4.0), abs=0.01)
 
 
 @pytest.mark.parametrize("doubted", ["load", "speed"])

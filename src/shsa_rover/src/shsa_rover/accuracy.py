@@ -94,7 +94,8 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
     """
     results = []
     for lost in (source for service in som.needed() for source in service.sources):
-        found = find_substitute(ontology, som.sources, lost.property, excluded=(lost.node,))
+        without = lost.service.name, lost.node
+        found = find_substitute(ontology, som.sources, lost.property, excluded=without)
         values = evaluate_derivation(found.derivation, ontology.constants, data.time, data.measured)
         name = f"{lost.path}: {' < '.join(found.derivation.relations()) or 'passed on'}"
         results.append(_accuracy(name, lost.property, found.quality, values, data))

@@ -72,10 +72,12 @@ def simulate(
     seed: int,
     soc: Optional[float] = None,
     world: World = AS_FITTED,
+    then: Optional[Tuple[float, World]] = None,
 ) -> Dataset:
     """Record `duration` s of `drive` on the simulated rover with `seed`.
 
-    `soc` (0 to 1) is the state of charge at its beginning; without it, it is the world's.
+    `soc` (0 to 1) is the state of charge at its beginning; without it, it is the world's. `then`:
+    so many s after the beginning the world becomes another one.
     """
     rover, odometry, sensor = Rover(seed, soc, world), Odometry(), CurrentSensor()
     names = [field.name for field in fields(Truth)]
@@ -85,6 +87,8 @@ def simulate(
     time = np.arange(int(duration / PERIOD_S)) * PERIOD_S
     velocity, turn_rate = 0.0, 0.0
     for row, now in enumerate(time):
+        if then is not None and row == round(then[0] / PERIOD_S):
+            rover.enter(then[1])
         if row % COMMAND_ROWS == 0:
             velocity, turn_rate = drive.command(float(now))
             rover.command(velocity, turn_rate)

@@ -52,11 +52,18 @@ class Rover:
         self.chassis = Chassis(world.chassis)
         self.battery = _battery(world, soc, self.chassis)
         self.power = world.motors.electronics
-        self._world = world
+        self._seed, self._world = seed, world
         self._ground = Ground(math.radians(world.slope), seed)
         self._distance = 0.0
         self._floor_noise = Random(f"{seed}/floor")
         self._sensor_noise = Random(f"{seed}/sensors")
+
+    def enter(self, world: World) -> None:
+        """Go on in another world: with its load, on its ground, with its battery and sensors."""
+        self._world = world
+        self.chassis.parameters = world.chassis
+        self.battery.parameters = world.battery
+        self._ground = Ground(math.radians(world.slope), self._seed)
 
     def command(self, velocity: float, turn_rate: float) -> None:
         """The wanted velocity (m/s) and turn rate (rad/s)."""

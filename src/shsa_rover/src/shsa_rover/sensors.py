@@ -30,8 +30,13 @@ class SensorParameters:
 
     @property
     def velocity_variance(self) -> float:
-        """m^2/s^2: noise, and steps (a uniform error within one)."""
-        return self.velocity_noise**2 + self.velocity_step**2 / 12.0
+        """m^2/s^2: noise and steps."""
+        return self.velocity_noise**2 + quantisation_variance(self.velocity_step)
+
+    @property
+    def voltage_variance(self) -> float:
+        """V^2: noise and steps."""
+        return self.voltage_noise**2 + quantisation_variance(self.voltage_step)
 
     @property
     def gyroscope_variance(self) -> float:
@@ -54,6 +59,11 @@ class Readings:
     wheel_turn_rate: float
     gyroscope: float
     accelerometer: float
+
+
+def quantisation_variance(step: float) -> float:
+    """Return the variance of rounding to whole steps: the error is uniform within one."""
+    return step**2 / 12.0
 
 
 def quantised(value: float, step: float) -> float:

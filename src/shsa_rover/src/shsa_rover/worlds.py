@@ -90,6 +90,17 @@ WORLDS: Mapping[str, World] = {
     "smooth": World(floor="smooth"),
 }
 """Deviations from the world to which the relations were fitted, one at a time."""
+CHANGES: Mapping[str, World] = {
+    "payload": WORLDS["payload"],
+    "carpet": WORLDS["carpet"],
+    "slopes": WORLDS["slopes"],
+    "slip": World(body=ChassisParameters(slip=0.12, track_factor=1.3)),
+    "battery": World(battery=BatteryParameters(resistance=0.07, polarisation_resistance=0.04)),
+}
+"""The world in which the relations were fitted may become one of these while nobody measures.
+
+Slip is the greatest of `imperfect`; a battery that is old or cold has twice the resistance.
+"""
 
 
 def named_world(name: str, seed: int = 0) -> World:

@@ -13,6 +13,7 @@ from shsa_core.codegen.generator import generate_function, in_order
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
 from shsa_core.model.error import Error
+from shsa_core.model.growth import P95
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
@@ -22,8 +23,6 @@ POINTS = 32
 """The points at which derivatives are taken and errors averaged; the same ones each time."""
 ENOUGH = POINTS // 4
 """A law that has a value at fewer points is not known well enough."""
-P95 = 1.959964
-"""Standard deviations within which 95 % of a normal distribution lie."""
 REMEMBERED = 4_000
 """The most derivations and parts of them that are kept; then all are dropped."""
 SMALLEST_STEP = 1e-4

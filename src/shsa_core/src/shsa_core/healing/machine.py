@@ -23,6 +23,7 @@ from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S, Settings
+from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.names import full_name
@@ -176,6 +177,12 @@ class Reconfigurator:
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
         return self._core.incident(service)
+
+    def errors(self, service: str) -> Tuple[Optional[Error], ...]:
+        """Return the errors that are stated by now of what the substitute of a service gives."""
+        machine = self.services.get(service)
+        plan = machine.substitute.plan if machine else None
+        return self.robot.planner.errors(plan) if plan and plan.computes else ()
 
     def find(self, name: str) -> Service:
         """Return the service of a name, a topic or a property; a needed one first.

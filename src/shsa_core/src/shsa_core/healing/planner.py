@@ -22,7 +22,7 @@ Calibrated = Tuple[Calibration, ...]
 class Calibrations:
     """The newest calibration of every program that may substitute a service.
 
-    While a service is being healed its calibrations stay as they were at the failure.
+    While a service is being healed they stay as they were at the failure, but for their errors.
     """
 
     def __init__(self) -> None:
@@ -39,9 +39,15 @@ class Calibrations:
             return False
         if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
             return False
-        table = self._later if healing else self._known
-        table.setdefault(row.service, {})[row.program] = row.calibrations
-        return not healing
+        if not healing:
+            self._known.setdefault(row.service, {})[row.program] = row.calibrations
+            return True
+        self._later.setdefault(row.service, {})[row.program] = row.calibrations
+        known = self.of(row.service, row.program)
+        errors = (each.error for each in row.calibrations)
+        frozen = tuple(replace(each, error=error) for each, error in zip(known, errors))
+        self._known.setdefault(row.service, {})[row.program] = frozen
+        return frozen != known
 
     def leave(self, service: str, program: Program) -> None:
         """The monitor follows a program no more."""

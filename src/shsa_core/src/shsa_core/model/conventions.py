@@ -1,5 +1,6 @@
 """A table of how message types say what is not known: from their documentation and REP 117."""
 from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError
@@ -89,9 +90,9 @@ def _vector(group: str, names: Tuple[str, ...], **unknown: float) -> Covariance:
     return Covariance(f"{group}_covariance", group, _rows(group, names), **unknown)
 
 
-def _measured(name: str) -> Convention:
-    """One value with a `variance`, of which 0 is said to mean that it is not known."""
-    return Convention(covariances=(Covariance("variance", name, (name,), unknown=0.0),))
+def _measured(name: str, unknown: float = 0.0) -> Convention:
+    """One value with a `variance`; in sensor_msgs, 0 is said to mean that it is not known."""
+    return Convention(covariances=(Covariance("variance", name, (name,), unknown=unknown),))
 
 
 CONVENTIONS: Mapping[str, Convention] = {
@@ -151,6 +152,7 @@ CONVENTIONS: Mapping[str, Convention] = {
     "sensor_msgs/FluidPressure": _measured("fluid_pressure"),
     "sensor_msgs/Illuminance": _measured("illuminance"),
     "sensor_msgs/RelativeHumidity": _measured("relative_humidity"),
+    "shsa_msgs/Float64Stamped": _measured("data", unknown=nan),
 }
 
 

@@ -6,8 +6,8 @@ learned anew, after the directional forgetting of R. Kulhavy, "Restricted expone
 real-time identification", Automatica 23 (1987): else a robot that stands would forget its gain.
 
 A sample is learned once it is GUARD_S old and nothing was doubted since: what a sensor said last
-before it failed teaches nothing. After the first SETTLING_S, gain and offset move slowly and not
-far: who drifts along with a sensor must be slower than the sensor's drift is seen.
+before it failed teaches nothing. After the first SETTLING_S, gain and offset move slowly, and
+only while an independent derivation confirms it: else it may be the sensor that drifts.
 """
 from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
@@ -15,6 +15,7 @@ from typing import Deque, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
+from shsa_core.model.growth import PRIOR_GAIN, aged, beyond
 from shsa_core.monitoring import settings
 
 SOURCE = "compared with the sensor while it lived"
@@ -29,10 +30,12 @@ class Calibrator:
 
     def __init__(self, stated: Optional[float] = None, angle: bool = False) -> None:
         self._stated, self._angle = stated or 0.0, angle
+        self.pull = 0.0  # by how much more its value would be if it followed at once
+        self.confirmed = True
         self._taken: Optional[float] = None
         self._waiting: Deque[Tuple[float, float, float]] = deque()
         self._learned: Optional[float] = None
-        self._mean_derived = self._mean_residual = self._seen = 0.0
+        self._mean_derived = self._mean_residual = self._variance = self._seen = 0.0
         self._slope = _Slope()
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
@@ -77,6 +80,26 @@ class Calibrator:
             return Calibration(*self._applied, calibrated)
         return Calibration(error=plain)
 
+    def aged(self, time: float) -> float:
+        """Return the variance that has come since it was learned."""
+        known = not self._angle and self._learned is not None
+        return aged(max(0.0, time - (self._learned or 0.0)), self._variance) if known else 0.0
+
+    def beyond(self, derived: float) -> float:
+        """Return the variance of a derived value by how far it is from all that was seen."""
+        off = 0.0 if self._angle else abs(derived - self._mean_derived)
+        return beyond(off, self._variance)
+
+    def confirms(self, pull: float) -> bool:
+        """Tell that the sensor does not pull it the same way as another derivation."""
+        same_way = self.pull * pull > 0.0 and abs(self.pull) > settings.SAME_PULL * abs(pull)
+        return self._shift.settled and not same_way
+
+    @property
+    def keeps(self) -> bool:
+        """True while it does not follow its sensor, though they part by more than its error."""
+        return not self.confirmed and abs(self.pull) > self._shift.step > 0.0
+
     @property
     def _applied(self) -> Tuple[float, float]:
         gain = 1.0 + self._gain.value
@@ -95,15 +118,28 @@ class Calibrator:
         self._note(time, derived, residual)
         told = self._slope.learn(passed, derived - self._mean_derived, residual - mean)
         self._seen = self._seen * exp(-passed / settings.MEMORY_S) + passed
-        self._mean_derived += passed / self._seen * (derived - self._mean_derived)
+        off = derived - self._mean_derived
+        self._variance += passed / self._seen * (off * off - self._variance)
+        self._mean_derived += passed / self._seen * off
         self._mean_residual += passed / self._seen * (residual - mean)
         gain = min(max(self._slope.gain, settings.GAINS[0]), settings.GAINS[1]) - 1.0
+        if not self._gain.settled and self._is_as_stated:
+            gain = 0.0
         if not self._angle:
-            self._gain.follow(gain, passed, told, settings.GAIN_STEP)
+            self._gain.follow(gain, passed, told, settings.GAIN_STEP, self.confirmed)
         if not self._shift.settled:
             self._at = self._mean_derived
         shift = self._mean_residual + self._gain.value * (self._at - self._mean_derived)
-        self._shift.follow(shift, passed, passed, self._step)
+        if not self._shift.settled and self._is_as_stated:
+            shift = 0.0
+        self._shift.follow(shift, passed, passed, self._step, self.confirmed)
+        self.pull = shift - self._shift.value
+
+    @property
+    def _is_as_stated(self) -> bool:
+        """The relation is about as good as it is known to be: what is learned may be a drift."""
+        plain = [each for _, each in self._errors]
+        return bool(plain) and _error(plain).rms <= settings.AS_STATED * self._stated
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
@@ -152,38 +188,32 @@ class _Slope:
         """1 while too little is known of it."""
         if not self._excited:
             return 1.0
-        expected = (
-            self._residual / max(self._seen, settings.SAMPLE_COUNTS_S) / settings.PRIOR_GAIN**2
-        )
+        expected = self._residual / max(self._seen, settings.SAMPLE_COUNTS_S) / PRIOR_GAIN**2
         return 1.0 + self._product / (self._derived + expected)
 
 
 class _Limited:
-    """A number that follows another one: at once until it is settled, then slowly and not far.
+    """A number that follows another one: at once until it is settled, then slowly if confirmed.
 
     `seen`: s of data that tell of it; `step`: what it moves by in DRIFT_S at most.
     """
 
     def __init__(self) -> None:
-        self.value = self._settled_at = self.seen = 0.0
-        self.step = 0.0
+        self.value = self.seen = self.step = 0.0
 
     @property
     def settled(self) -> bool:
         return self.seen >= settings.SETTLING_S
 
-    def follow(self, wanted: float, passed: float, told: float, step: float) -> None:
-        """`passed` s of data came, of which `told` tell of it; `step` counts once it settles."""
+    def follow(
+        self, wanted: float, passed: float, told: float, step: float, confirmed: bool
+    ) -> None:
+        """`passed` s of data came, of which `told` tell of it. The rest counts once it settles."""
         if not self.settled:
-            self.value = self._settled_at = wanted
-            self.step, self.seen = step, self.seen + told
-            return
-        wanted = _bounded(wanted, self._settled_at, settings.DRIFTS * self.step)
-        self.value = _bounded(wanted, self.value, self.step * passed / settings.DRIFT_S)
-
-
-def _bounded(value: float, around: float, most: float) -> float:
-    return min(max(value, around - most), around + most)
+            self.value, self.step, self.seen = wanted, step, self.seen + told
+        elif confirmed:
+            most = self.step * passed / settings.DRIFT_S
+            self.value += min(max(wanted - self.value, -most), most)
 
 
 def _error(values: List[float]) -> Error:

@@ -1,17 +1,18 @@
 """Calibrates what would substitute each needed service, by its node while that is healthy.
 
 For each service the best plan is followed, and the best one without each node that this plan
-reads: what healing would choose now, and after one more failure. Of the angles of a quaternion the
-offset is learned, as their zeros differ; other angles, which wrap nobody knows where, are not
-calibrated, nor are integrals, which start at the last good value, event-driven and latched topics,
-and values that have only been whole numbers, which may be states.
+reads: what healing would choose now, and after one more failure. A better one that reads what is
+computed from the service watches the others. Of the angles of a quaternion the offset is learned,
+as their zeros differ; other angles, which wrap nobody knows where, are not calibrated, nor are
+integrals, which start at the last good value, event-driven and latched topics, and values that have
+only been whole numbers, which may be states.
 """
 from collections import deque
 from dataclasses import dataclass
 from math import inf
 from typing import Callable, Collection, Deque, Dict, FrozenSet, Iterable, List, Optional, Tuple
 
-from shsa_core.codegen.plans import plan_service
+from shsa_core.codegen.plans import plan_service, plan_witness
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
@@ -22,7 +23,7 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
-from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Command
+from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Command, Told
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
@@ -30,11 +31,15 @@ UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees
 
 @dataclass
 class _Wanted:
-    """A plan to be searched: for a service, without what is excluded; `first`: its best one."""
+    """A plan to be searched for a service, without what is excluded; `first`: its best one.
+
+    `watches`: it replaces nobody, and may read what is computed from the service.
+    """
 
     service: Service
     excluded: Tuple[str, ...]
     first: bool = True
+    watches: bool = False
 
 
 class Calibrations:
@@ -49,6 +54,8 @@ class Calibrations:
         self._table: Optional[SourceTable] = None
         self._wanted: Deque[_Wanted] = deque()
         self._replan_at = self._search_at = -inf
+        self._kept: List[Source] = []  # of these it was said
+        self._said: List[str] = []
         self._changed: Dict[Tuple[str, Program], Optional[CalibrationRow]] = {}
 
     def watch(self, som: Som, predictor: Optional[Predictor], changed: Iterable[str]) -> None:
@@ -64,6 +71,7 @@ class Calibrations:
         for followed in self._derivations.refreshed():
             if followed.substitutes:
                 self._tell(followed)
+                self._say(followed)
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
             self._plan_with(frozenset(there()))
@@ -73,12 +81,15 @@ class Calibrations:
 
     def changed(self, time: float) -> List[Command]:
         """Return the calibrations that have changed since this was called last."""
+        said: List[Command] = []
+        while self._said:
+            said.append(Told(time, f"{self._said.pop()}: its calibration stays as it was"))
         if not self._changed:
-            return []
+            return said
         changed, self._changed = self._changed, {}
         rows = tuple(row for row in changed.values() if row is not None)
         removed = tuple(key for key, row in changed.items() if row is None)
-        return [CalibrationsChanged(time, rows, removed)]
+        return [*said, CalibrationsChanged(time, rows, removed)]
 
     def _plan_with(self, there: FrozenSet[str]) -> None:
         if there == self._planned:
@@ -115,14 +126,18 @@ class Calibrations:
                 self._derivations.leave(followed)
         question = self._ontology, service, self._table, wanted.excluded
         try:
-            plan = plan_service(*question, predictor=self._predictor)
+            if wanted.watches:
+                plan = plan_witness(*question, self._predictor)
+            else:
+                plan = plan_service(*question, predictor=self._predictor)
             followed = plans.get(plan.program) or self._derivations.made(plan)
         except ShsaError:
             return  # nothing would take its place
         self._follow(plans, followed)
         if wanted.first:
             nodes = dict.fromkeys(source.node for source in plan.inputs)
-            more = [_Wanted(service, (*wanted.excluded, node), False) for node in nodes]
+            without = [(*wanted.excluded, node) for node in nodes]
+            more = [_Wanted(service, each, False, w) for each in without for w in (False, True)]
             self._wanted.extend(more)
 
     def _follow(self, plans: Dict[Program, FollowedPlan], followed: FollowedPlan) -> None:
@@ -142,6 +157,15 @@ class Calibrations:
         for program in list(plans)[: -2 * settings.PLANS]:
             del plans[program]
             self._changed[followed.service, program] = None
+
+    def _say(self, followed: FollowedPlan) -> None:
+        """Say once of a value that its calibrations do not follow the sensor."""
+        for output in followed.outputs:
+            own, source = output.calibrator, output.source
+            if own is not None and own.keeps and source not in self._kept:
+                self._kept.append(source)
+                what = f"{source.property} and what is derived of it part by {own.pull:.3g}"
+                self._said.append(f"{source.topic}: {what}")
 
     def _tell(self, followed: FollowedPlan) -> None:
         now = tuple(

@@ -47,7 +47,10 @@ class Comparisons:
         service, evidence = publisher.service, publisher.evidence
         if service is None or evidence is None or message.values is None:
             return None
-        if service.node != publisher.name or not self._derivations.concerns(service):
+        if not self._derivations.concerns(service):
+            return None
+        if service.node != publisher.name:
+            self._derivations.unmeasured(service, message.time)
             return None
         named, time = zip(evidence.properties, message.values), message.time
         values = {name: v for name, v in named if v is not None and isfinite(v)}

@@ -3,8 +3,8 @@
 A program is evaluated with a message of the service's own node, a few times a second, from the
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
-from dataclasses import dataclass, field
-from math import inf, isfinite
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, remainder, tau
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -13,6 +13,7 @@ from shsa_core.language.memory import MAX_GAP_S
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
+from shsa_core.model.growth import Growth
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
@@ -24,7 +25,8 @@ from shsa_core.monitoring.calibration import Calibrator
 class Output:
     """A value that a program derives. `stated`: the error that it is expected to have.
 
-    `derived`: its newest value, None: an input is missing. `calibration`: as learned a while ago.
+    `derived`: its newest value, None: an input is missing. `learned`: a while ago; `calibration`:
+    with the error that it has grown to while nobody measures: `growth`, None: somebody does.
     """
 
     source: Source
@@ -32,13 +34,46 @@ class Output:
     integrates: bool
     calibrator: Optional[Calibrator] = None
     derived: Optional[float] = None
+    learned: Calibration = UNCALIBRATED
     calibration: Calibration = UNCALIBRATED
+    growth: Optional[Growth] = None
 
     def calibrate(self) -> None:
         """Learn gain and offset from now on."""
         if self.calibrator is None:
             angle = is_angle(self.source.provision.field)
             self.calibrator = Calibrator(self.stated.rms if self.stated else None, angle)
+
+    def refresh(self, time: float) -> None:
+        """Look at what was learned, and at how old it is."""
+        if self.calibrator is None:
+            return
+        self.calibration = self.learned = self.calibrator.snapshot()
+        if self.growth is not None and self.learned.error is not None:
+            grown = self.growth.added(self.learned.error, self.calibrator.aged(time))
+            self.calibration = replace(self.learned, error=grown)
+
+    def compare(self, time: float, other: Optional["Output"]) -> None:
+        """Look at its value, which nobody measures, and at what another derivation tells."""
+        mine, its = self._told(time), None if other is None else other._told(time)
+        if self.calibrator is None or self.derived is None:
+            return
+        apart = None
+        if mine is not None and its is not None:
+            angle = is_angle(self.source.provision.field)
+            off = mine[0] - its[0]
+            apart = remainder(off, tau) if angle else off, mine[1] + its[1]
+        self.growth = self.growth or Growth(settings.GUARD_S, settings.SETTLING_S)
+        self.growth.look(time, self.calibrator.beyond(self.derived), apart)
+
+    def _told(self, time: float) -> Optional[Tuple[float, float]]:
+        """Return the calibrated value, and its variance; None: not known."""
+        if self.calibrator is None or self.derived is None:
+            return None
+        error = self.learned.error
+        if error is None:
+            return None
+        return self.learned(self.derived), error.rms**2 + self.calibrator.aged(time)
 
 
 @dataclass(eq=False)
@@ -68,19 +103,34 @@ class FollowedPlan:
             if output.calibrator is not None:
                 output.calibrator.doubt()
 
-    def learn(self, measured: Mapping[str, float], time: float) -> None:
+    def learn(
+        self, all_: Iterable["FollowedPlan"], measured: Mapping[str, float], time: float
+    ) -> None:
         """Learn from what the service's own node measured."""
         for output in self.outputs:
-            value = measured.get(output.source.property)
-            if output.calibrator is not None and output.derived is not None and value is not None:
-                output.calibrator.take(time, value, output.derived)
+            value, own = measured.get(output.source.property), output.calibrator
+            if own is not None and output.derived is not None and value is not None:
+                other = self.opinion(output, all_)
+                its = None if other is None else other.calibrator
+                own.confirmed = its is not None and its.confirms(own.pull)
+                own.take(time, value, output.derived)
+                output.growth = None
 
     def refresh(self, time: float) -> None:
         """Look at what was learned."""
         self.looked = time
         for output in self.outputs:
-            if output.calibrator is not None:
-                output.calibration = output.calibrator.snapshot()
+            output.refresh(time)
+
+    def opinion(self, output: Output, all_: Iterable["FollowedPlan"]) -> Optional[Output]:
+        """Return the same value by that calibrated plan which shares the fewest inputs."""
+        own, found = set(self.inputs), []
+        for number, plan in enumerate(all_):
+            for each in () if plan is self or plan.doubtful else plan.outputs:
+                error = each.calibration.error
+                if each.source.property == output.source.property and error is not None:
+                    found.append((len(own.intersection(plan.inputs)), error.rms, number, each))
+        return min(found)[-1] if found else None
 
 
 @dataclass
@@ -180,6 +230,15 @@ class Derivations:
                 self._evaluate(each, time)
         return looks
 
+    def unmeasured(self, service: Service, time: float) -> None:
+        """A substitute speaks for a service: see how far its derivations can be believed."""
+        all_ = self._services[service.name].followed
+        if self.heard(service, {}, time, False):
+            for each in all_:
+                for output in () if each.doubtful else each.outputs:
+                    output.compare(time, each.opinion(output, all_))
+                self._refresh(each, time)
+
     def judged(
         self, service: Service, values: Mapping[str, float], time: float, sound: bool, looked: bool
     ) -> None:
@@ -194,10 +253,13 @@ class Derivations:
                 if each.doubtful:
                     each.doubt()
                     continue
-                each.learn(values, time)
-                if time - each.looked >= settings.REFRESH_S:
-                    each.refresh(time)
-                    self._refreshed.append(each)
+                each.learn(heard.followed, values, time)
+                self._refresh(each, time)
+
+    def _refresh(self, followed: FollowedPlan, time: float) -> None:
+        if time - followed.looked >= settings.REFRESH_S:
+            followed.refresh(time)
+            self._refreshed.append(followed)
 
     def derived(self, service: Service, property: str, time: float) -> Iterator[float]:
         """Yield what sound inputs tell now of a value of a service."""

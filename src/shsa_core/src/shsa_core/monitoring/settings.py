@@ -123,8 +123,6 @@ noted before something was learned for as long."""
 SETTLING_S = 60.0
 """Of data, before which gain and offset are free; the gain needs as much that tells of it. By
 witnesses errors count as they were twice as long ago: a sensor that drifts widens them."""
-PRIOR_GAIN = 0.3
-"""The standard deviation of a relation's gain from 1 that is expected."""
 EXCITED = 2.0
 """A gain is believed once the variance of what is derived is so many times the residual's."""
 GAINS = 0.5, 2.0
@@ -132,14 +130,16 @@ GAINS = 0.5, 2.0
 DRIFT_S = 300.0
 """In it a settled offset moves by the relation's rms error at most, a gain by GAIN_STEP."""
 GAIN_STEP = 0.05
-DRIFTS = 3.0
-"""So many times that is as far as they ever move."""
+AS_STATED = 1.5
+"""Times the stated error: a relation that has no more is not calibrated before it settles."""
+SAME_PULL = 0.5
+"""Two derivations are pulled the same way by a sensor that drifts: one at least half as much."""
 ERRORS, FEWEST_ERRORS = 300, 5
 """An error is that of so many samples at most, and not known before there were a few."""
 
 # Which plans are calibrated, and what is told of them.
-PLANS = 3
-"""At most of one service: the best, and those for a second failure."""
+PLANS = 4
+"""At most of one service: the best, those for a second failure, and those that watch it."""
 SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
 EVALUATIONS_PER_S = 2000.0

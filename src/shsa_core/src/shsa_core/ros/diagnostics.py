@@ -240,6 +240,11 @@ def _healing_row(service: Service, incident: Optional[Incident], also: Duties) -
         "substitute": incident.substitute,
         "by": ", ".join(incident.relations),
         "missing": ", ".join(incident.missing),
+        "stated error": ", ".join(
+            f"{path} {error.rms:.3g}"
+            for path, error in zip(incident.outputs, incident.errors)
+            if error is not None
+        ),
         "kept out": "yes" if incident.kept_out else "",
     }
     told += [(key, value) for key, value in values.items() if value]

@@ -73,7 +73,7 @@ class ReconfiguratorNode:
 
     def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
         self._files = arguments
-        self._added: Optional[float] = None  # when `shsa add` wrote
+        self._added = 0.0  # when `shsa add` wrote what was read
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
@@ -364,7 +364,7 @@ class ReconfiguratorNode:
             self._added = os.path.getmtime(path)
         except OSError:  # nothing was added
             self._added = 0.0
-        if before not in (None, self._added):
+        if before != self._added:
             try:
                 rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
             except ShsaError as error:
@@ -383,7 +383,8 @@ class ReconfiguratorNode:
     def _report(self) -> None:
         self._heed_added()
         self._heed_maintenance()
-        open_, listed = self._incidents.open(), self._listed[1]
+        core, found, listed = self._core, self._incidents.open(), self._listed[1]
+        open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
         done = self._core.needed(), open_, self._master.told(), self._hosts.told(), listed
         self._diagnostics.show((*done, self._core.robot.maintained))
 

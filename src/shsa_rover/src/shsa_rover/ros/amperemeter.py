@@ -9,6 +9,7 @@ from shsa_msgs.msg import Float64Stamped
 from shsa_core.ros.node import run
 from shsa_rover.current_sensor import CurrentSensor
 from shsa_rover.frame import Parser
+from shsa_rover.sensors import SensorParameters, quantisation_variance
 from shsa_rover.ros.parameters import flag_parameter, text_parameter
 
 BAUD_RATE = 115200
@@ -23,6 +24,8 @@ class Amperemeter:
     def __init__(self) -> None:
         self._port = text_parameter("~port")
         self._sensor = CurrentSensor()
+        noise = SensorParameters().current_noise
+        self._variance = noise**2 + quantisation_variance(self._sensor.resolution)
         self._parser = Parser(flag_parameter("~checksum", False))
         self._publisher = rospy.Publisher("battery_current", Float64Stamped, queue_size=10)
         self._reported_drops = 0
@@ -60,7 +63,8 @@ class Amperemeter:
             if frames:
                 # Frames that waited are no news: only the newest one is the current now.
                 self._stale_frames += len(frames) - 1
-                message = Float64Stamped(data=self._sensor.amperes(frames[-1].channels[0]))
+                current = self._sensor.amperes(frames[-1].channels[0])
+                message = Float64Stamped(data=current, variance=self._variance)
                 message.header.stamp = rospy.Time.now()
                 message.header.frame_id = "battery"
                 self._publisher.publish(message)
