@@ -47,7 +47,8 @@ class Source:
         """A value, or the number of the message."""
         self.count += 1
         stamp = rospy.Time.from_sec(rospy.get_time() - old)
-        self.publisher.publish(Float64Stamped(Header(stamp=stamp), value or float(self.count)))
+        message = Float64Stamped(header=Header(stamp=stamp), data=value or float(self.count))
+        self.publisher.publish(message)
 
     def good(self, messages: int) -> None:
         """Publish well."""

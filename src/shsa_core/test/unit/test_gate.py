@@ -315,7 +315,8 @@ def test_an_event_driven_service_is_filtered_and_never_late() -> None:
 
 
 def test_what_goes_out_has_the_very_bytes_that_came() -> None:
-    message = Float64Stamped(Header(seq=7, stamp=rospy.Time(5, 6), frame_id="f"), 1.5)
+    header = Header(seq=7, stamp=rospy.Time(5, 6), frame_id="f")
+    message = Float64Stamped(header=header, data=1.5)
     came, goes = io.BytesIO(), io.BytesIO()
     message.serialize(came)
     serialize_message(goes, 99, as_written(Float64Stamped)(came.getvalue()))
