@@ -58,6 +58,14 @@ def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None
     assert not has(robot.said, events.StartSubstitute)
 
 
+def test_no_node_is_started_again_once_the_launch_ends() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    robot.handle(events.LaunchEnding(10.5))
+    assert not has(robot.handle(events.Tick(11.2)), events.RestartNode)
+
+
 def test_a_node_that_does_not_come_back_in_time_is_killed_and_tried_again() -> None:
     robot = Robot(som("restart"), restart_pause=1.0, restart_timeout=5.0)
     robot.fail("/a", A, 10.0)

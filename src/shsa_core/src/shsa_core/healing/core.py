@@ -26,8 +26,7 @@ Ask = Callable[[ServiceMachine], List[Command]]
 class Core:
     """The machines of all services, nodes and processes.
 
-    `ending`: the launch of the robot ends, so that nothing is healed any more. `asked`: computers
-    whose monitor owes its table. `states`: the running SOM, as it is shown.
+    `asked`: computers whose monitor owes its table. `states`: the running SOM, as it is shown.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -35,7 +34,6 @@ class Core:
         self.nodes = Nodes(robot)
         self.processes = Processes(robot)
         self.services: Dict[str, ServiceMachine] = {}
-        self.ending = False
         self.asked: Agenda[str] = Agenda()
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
         self.states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)

@@ -40,7 +40,7 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
     topic, publisher = event.topic, event.publisher
     served = core.processes.served(publisher)
     service = _service_of(core, event, served)
-    if core.ending or service is None:
+    if robot.ending or service is None:
         return []
     name = service.name
     if publisher in robot.health.substitutes and name not in served:

@@ -333,7 +333,7 @@ class Reconfigurator:
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
-        self._core.ending = True
+        self.robot.ending = True
         self._processes.starts.waiting.clear()
         return []
 
@@ -459,7 +459,7 @@ class Reconfigurator:
             if node:
                 owners[node] = name
             waits = state is State.HEALING and machine.deadline is None
-            if waits and not self._nodes.busy(incident.faulty_node):
+            if waits and not (robot.ending or self._nodes.busy(incident.faulty_node)):
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")

@@ -21,7 +21,8 @@ class Robot:
     """Everything that is known; nothing here decides.
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
-    those that run on another one than we. `incidents`: the last one. `maintained`: by people now.
+    those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
+    `ending`: the launch of the robot ends, and nothing is healed or started any more.
     """
 
     def __init__(
@@ -31,7 +32,7 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
-        self.maintained = False
+        self.maintained = self.ending = False
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
