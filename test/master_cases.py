@@ -5,7 +5,8 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Iterator
+from contextlib import suppress
+from typing import Iterator, List
 
 import psutil
 import pytest
@@ -37,6 +38,18 @@ rospy.spin()
 def robot() -> Iterator[Robot]:
     with running(ORDINARY) as made:
         yield made
+    wait_until(lambda: not left(made), 20.0, "all that was started has ended")
+
+
+def left(robot: Robot) -> List[psutil.Process]:
+    """Return the processes of a robot that run."""
+    home = robot.environment["ROS_HOME"]
+    found = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error):
+            if process.environ().get("ROS_HOME") == home and runs(process):
+                found.append(process)
+    return found
 
 
 def test_1_a_master_that_hangs_delays_no_takeover(robot: Robot) -> None:

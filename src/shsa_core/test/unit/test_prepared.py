@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Dict, Iterator, List
 from unittest.mock import patch
 
@@ -20,6 +21,7 @@ from shsa_core.model.substitution import Program
 from shsa_core.ros import settings
 from shsa_core.ros.processes import forking, kernel
 from shsa_core.ros.processes import prepared as prepared_process
+from shsa_core.ros.processes.children import Started
 from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until
 
@@ -77,7 +79,7 @@ class Bench:
     def is_forked(self, number: int = 1) -> bool:
         """Or was it started by rosrun?"""
         process = self.ours.children._running[f"{NAMESPACE}/substitute_a_{number}"]
-        return not isinstance(process, psutil.Popen)
+        return not isinstance(process, Started)
 
 
 @pytest.fixture
@@ -113,9 +115,25 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     program = Program(("/a/data",), code, ("/b/data",))
     bench.ours.start(StartSubstitute(node, program, signals[0], signals[1]))
     process = bench.ours.children._running[node]
-    assert not isinstance(process, psutil.Popen)
+    assert not isinstance(process, Started)
     assert "__name:=substitute_b_1" in process.cmdline()
     assert bench.ours.runs_ours(node, process)
+
+
+def test_a_fork_that_nobody_can_look_after_is_ended(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = bench.ready()
+
+    def lacking(pid: int) -> None:
+        raise OSError(errno.EMFILE, "too many open files")
+
+    errors = {"NoSuchProcess": psutil.NoSuchProcess, "Error": psutil.Error}
+    with monkeypatch.context() as without:
+        without.setattr(forking, "psutil", SimpleNamespace(Process=lacking, **errors))
+        with pytest.raises(OSError):
+            bench.start()
+    wait_until(lambda: not prepared.children(), 5.0, "it is ended")
 
 
 def test_the_end_of_a_fork_is_told_as_that_of_a_started_one(bench: Bench) -> None:

@@ -1,5 +1,7 @@
 """Threads that make calls, wait for processes and write the log: real ones, at their limits."""
+import errno
 import logging
+import os
 import subprocess
 import sys
 import threading
@@ -9,7 +11,7 @@ from typing import Any, Dict, List
 import psutil
 import pytest
 
-from shsa_core.ros.processes.children import Children
+from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.rospy_patches import log_queue
 from shsa_core.ros.rospy_patches.log_queue import say_failures_once
 from shsa_core.ros.settings import LOG_LINES
@@ -84,11 +86,25 @@ def test_the_end_of_each_process_is_told_by_one_thread() -> None:
     children = Children(ended.__setitem__)
     before = threading.active_count()
     for status in range(5):
-        process = psutil.Popen([sys.executable, "-c", f"raise SystemExit({status})"])
+        process = Started([sys.executable, "-c", f"raise SystemExit({status})"], os.environ)
         children.keep(f"/{status}", process)
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
     assert ended == {f"/{status}": status for status in range(5)}
     assert threading.active_count() == before
+
+
+def test_a_process_that_nobody_can_look_after_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: List[int] = []
+
+    def lacking(_: psutil.Process, pid: int) -> None:
+        started.append(pid)
+        raise OSError(errno.EMFILE, "too many open files")
+
+    with monkeypatch.context() as without:
+        without.setattr(psutil.Process, "__init__", lacking)
+        with pytest.raises(OSError):
+            Started([sys.executable, "-c", "import time; time.sleep(60.0)"], os.environ)
+    assert len(started) == 1 and not psutil.pid_exists(started[0])
 
 
 class Stuck(logging.Handler):

@@ -1,9 +1,10 @@
 """Keeps the processes that healing has started or taken up; ends them, and tells their ends."""
 import os
 import signal
+import subprocess
 import threading
 import time
-from typing import Callable, Dict, List, Optional, Set, Union, cast
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Set, Union
 
 import psutil
 import rospy
@@ -16,10 +17,35 @@ Status = Union[int, str]
 """An exit status; UNKNOWN: it is not told."""
 
 
+class Started(psutil.Process):  # type: ignore[misc]
+    """A process that we start, in a session of its own; `poll` tells its exit status.
+
+    Raises OSError, and nothing runs then: also where there is no descriptor left to look at it.
+    """
+
+    def __init__(
+        self, words: Sequence[str], variables: Mapping[str, str], folder: str = ""
+    ) -> None:
+        started = subprocess.Popen(
+            words,
+            env=variables,
+            cwd=folder or None,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        self.poll: Callable[[], Optional[int]] = started.poll
+        try:
+            super().__init__(started.pid)
+        except OSError:
+            started.kill()
+            started.wait()
+            raise
+
+
 def exit_status(process: psutil.Process) -> Optional[Status]:
     """Return None as long as a process runs; of one that we have not started it is UNKNOWN."""
-    if isinstance(process, psutil.Popen):
-        return cast(Optional[int], process.poll())
+    if isinstance(process, Started):
+        return process.poll()
     return UNKNOWN if kernel.gone(process) else None
 
 

@@ -1,5 +1,7 @@
 """Substitutes forked from a prepared process, which is kept at hand; without one there are none."""
 import json
+import os
+import signal
 import socket
 import subprocess
 import threading
@@ -67,6 +69,9 @@ class Forking:
             return psutil.Process(pid) if pid else None
         except psutil.NoSuchProcess:
             return None  # it has ended already
+        except OSError:
+            os.kill(pid, signal.SIGKILL)  # nobody could look after it: there is no descriptor left
+            raise
 
     def _give_up(self, line: socket.socket, process: "subprocess.Popen[bytes]") -> int:
         """End a prepared process that hangs; return the fork that it has made in the last moment.

@@ -5,7 +5,6 @@ reconfigurator, or agent, knows it.
 """
 import json
 import os
-import subprocess
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.processes.children import Children
+from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
 
@@ -134,13 +133,7 @@ class Restarts:
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
-        process = psutil.Popen(
-            start.words,
-            cwd=start.folder,
-            env={**start.environment, **mark},
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        process = Started(start.words, {**start.environment, **mark}, start.folder)
         self._keep(node, process, start)
         return process
 

@@ -3,7 +3,6 @@ import itertools
 import os
 import resource
 import shutil
-import subprocess
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import psutil
@@ -11,7 +10,7 @@ from roslib.packages import find_node, get_pkg_dir
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
-from shsa_core.ros.processes.children import Children, Status
+from shsa_core.ros.processes.children import Children, Started, Status
 from shsa_core.ros.processes.forking import Forking
 from shsa_core.ros.processes.heartbeats import HOST
 from shsa_core.ros.processes.kernel import NAME, is_ours, robot_processes
@@ -120,12 +119,8 @@ class Substitutes:
         if self._forking is not None:
             process = self._forking.start([self._paths[executable], *words], variables)
         if process is None:
-            process = psutil.Popen(
-                [*self._wrapper, "rosrun", PACKAGE, self._executables[executable], *words],
-                env=variables,
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,
-            )
+            run = [*self._wrapper, "rosrun", PACKAGE, self._executables[executable]]
+            process = Started([*run, *words], variables)
         self._keep(node, process, slot)
 
     def take_up(self, node: str, process: psutil.Process) -> None:
