@@ -16,7 +16,7 @@ def test_a_command_can_be_typed_and_has_no_name_of_a_log() -> None:
 
 
 def test_a_program_of_a_package_is_started_by_rosrun() -> None:
-    there = "/home/robot/ws/devel/lib/shsa_rover/amperemeter"
+    there = "/ws/devel/lib/shsa_rover/amperemeter"
     assert command([there, "_rate:=5"], {}) == "rosrun shsa_rover amperemeter _rate:=5"
     assert command(["/usr/bin/python3", there], {}) == "rosrun shsa_rover amperemeter"
     for words in (["python3"], ["python3", "lib"], ["/usr/bin/env", there], ["/opt/x/y"]):

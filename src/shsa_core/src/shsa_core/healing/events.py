@@ -56,8 +56,7 @@ class Started(Event):
 
     `records`: what a former one has written down. `running`: the substitutes, and the nodes that
     were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: nodes whose names begin so, and of which nobody knows that. `subscribers` of topics
-    as in GraphSeen.
+    `strangers`: those of which nobody knows that. `subscribers`: as in GraphSeen.
     """
 
     leftovers: Tuple[str, ...] = ()

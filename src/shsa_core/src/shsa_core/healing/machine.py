@@ -401,8 +401,10 @@ class Reconfigurator:
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self._core.incident(event.service)
         service = self.robot.som.services.get(event.service)
-        if incident is not None or service is None:
-            return [] if incident is None else [events.ShowIncident(incident)]
+        if incident is not None:
+            return [events.ShowIncident(incident)]
+        if service is None:
+            return []
         originals = self.robot.health.originals(self.robot.som, service)
         healthy = [row for row in originals if row.state is PublisherState.HEALTHY]
         node = healthy[0].publisher if healthy else service.node

@@ -499,9 +499,8 @@ class Nodes:
 
     def _return_due(self, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
-        specs = [self._robot.spec(name) for name in case.accusations]
+        specs = map(self._robot.spec, () if self._robot.ending else tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
-        own = [] if self._robot.ending else own
         starts = case.trust.start_at is not None
         due = self._robot.time + self._settings.restart_timeout if starts and own else None
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))

@@ -10,7 +10,6 @@ from shsa_core.search.best import Usable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
 
-
 Part = Tuple[Optional[Usable], bool]
 """The functions that are looked at, and whether no other could be of use."""
 
@@ -26,8 +25,7 @@ def nearest(
 
     Then all functions; at once if `steps` is None, or there is no derivation.
     """
-    found = [first_found(network, table, t, usable) for t in targets if steps is not None]
-    if steps is not None and None not in found:
+    if steps is not None:
         functions: Set[int] = set()
         properties, queue = set(targets), list(targets)
         for number in queue:  # it grows
@@ -43,9 +41,11 @@ def nearest(
         else:
             yield usable, True
             return
+        found = [first_found(network, table, target, usable) for target in targets]
         for part in (part for rated in found if rated for part in rated.derivation.unique()):
             for function in network.functions_of[network.number(part.property)]:
                 if network.functions[function] is part.function:
                     functions.add(function)
-        yield functions.__contains__, False
+        if None not in found:
+            yield functions.__contains__, False
     yield usable, True
