@@ -123,7 +123,7 @@ class Robot:
     """A robot of ROBOT with healing, and innocent processes; we hear its topics."""
 
     def __init__(self, graph: Graph) -> None:
-        self.graph = graph
+        self.graph, self._before = graph, {*psutil.process_iter()}
         self.home = self._folder(ROBOT, 0o700)
         self.theirs = self._folder(STRANGER, 0o777)  # whose code it were that writes here
         words = as_user(ROBOT, self.home)
@@ -247,12 +247,15 @@ class Robot:
         lines = [line for log in logs for line in log.read_text("utf-8").splitlines()]
         return {json.loads(line)["topic"] for line in lines}
 
-    def started_strangely(self) -> bool:
-        """Return whether a process of the robot's user is one of a stranger's choice."""
-        rows = [each.info for each in psutil.process_iter(["uids", "cmdline"])]
-        words = [row["cmdline"] or [] for row in rows if row["uids"].real == ROBOT]
-        servers = [each for each in words if "http.server" in each]
-        return len(servers) > 1 or any(ATTACKERS in each for each in words)
+    def strangers(self) -> List[psutil.Process]:
+        """Return the processes of the robot's user that are of a stranger's choice."""
+        return [each for each in strange(self._before) if each.pid != self.innocent.pid]
+
+    def leaky(self) -> List[psutil.Process]:
+        """Return the processes whose core would hold the secret."""
+        secret = (self.home / "shsa" / "secret").read_bytes()
+        left = [each for each in self.graph.processes() if not _leaves_no_core(each)]
+        return [each for each in left if _holds(each, secret)]
 
     def gate_faults(self, since: float, timed: bool) -> List[str]:
         """Return what the gate has done wrong since a moment."""
@@ -350,12 +353,10 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     faults = [f"{' '.join(_named(each))} was ended" for each in innocent if not running(each)]
     if (robot.theirs / "ran").exists():
         faults.append("code was run, or what is private was had")
-    if robot.started_strangely():
-        faults.append("what no robot has was started")
+    faults += [f"{' '.join(_named(each))} was started" for each in robot.strangers()]
     if robot.is_known():
         faults.append("the secret is known")
-    if not all(map(_leaves_no_core, robot.healers.values())):
-        faults.append("a core may hold the secret")
+    faults += [f"a core of {' '.join(_named(each))} has the secret" for each in robot.leaky()]
     faults += [f"{each} is another" for each, p in robot.healers.items() if not _is(each, p)]
     if usual and outage > max(MOST_SLOWER * usual, usual + SURE_S):
         faults.append("healed too late")
@@ -374,9 +375,38 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
 
 
+def strange(before: Set[psutil.Process]) -> List[psutil.Process]:
+    """Return the servers and attackers that run as the robot's user, and did not before."""
+    new = [each for each in psutil.process_iter() if each not in before and _user(each) == ROBOT]
+    return [each for each in new if {"http.server", ATTACKERS} & {*_words(each)}]
+
+
+def _user(process: psutil.Process) -> int:
+    try:
+        return int(process.uids().real)
+    except psutil.Error:
+        return -1
+
+
 def _leaves_no_core(process: psutil.Process) -> bool:
-    rows = Path(f"/proc/{process.pid}/limits").read_text("ascii").splitlines()
-    return any(row.split()[:5] == ["Max", "core", "file", "size", "0"] for row in rows)
+    try:
+        return bool(process.rlimit(psutil.RLIMIT_CORE)[0] == 0)
+    except psutil.Error:
+        return True  # it has ended
+
+
+def _holds(process: psutil.Process, data: bytes) -> bool:
+    """Return whether what a process can write in its memory has some data."""
+    try:
+        maps = Path(f"/proc/{process.pid}/maps").read_text("utf-8").splitlines()
+        with open(f"/proc/{process.pid}/mem", "rb") as memory:
+            for begin, end in (row.split()[0].split("-") for row in maps if " rw" in row):
+                memory.seek(int(begin, 16))
+                if data in memory.read(int(end, 16) - int(begin, 16)):
+                    return True
+    except (OSError, ValueError):  # it has ended, or that was freed
+        return False
+    return False
 
 
 def _named(process: psutil.Process) -> List[str]:
