@@ -6,6 +6,7 @@ than twice its usual time, or a healer takes more than it may. Needs root, to be
 """
 import argparse
 import base64
+import csv
 import json
 import os
 import shutil
@@ -19,7 +20,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Sequence, Set, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import psutil
 import rospy
@@ -72,7 +73,7 @@ SURE_S = 0.1
 LOOK_S, IDLE_S, SHORT_S = 0.1, 3.0, 3.0
 SHORT_GROUPS, USUAL = 3, 3
 ATTACKERS = "redteam_attacks"
-COLUMNS = ("attack", "tries", "outage ms, usually", "memory MB", "processor %", "result")
+COLUMNS = "attack", "tries", "outage ms, usually", "memory MB", "processor %", "worst", "result"
 
 
 def refusal() -> str:
@@ -105,6 +106,7 @@ class Result(NamedTuple):
     usual: float
     memory: float
     processor: float
+    worst: str
     faults: List[str]
 
     def row(self) -> Tuple[str, ...]:
@@ -115,6 +117,7 @@ class Result(NamedTuple):
             f"{1e3 * self.outage:.0f}, {1e3 * self.usual:.0f}",
             f"{self.memory:.0f}",
             f"{100 * self.processor:.1f}",
+            self.worst[1:],
             "; ".join(self.faults) or "held",
         )
 
@@ -371,8 +374,8 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     for name, count in zip(names, said):
         if count == "0":
             faults.append(f"nothing was tried: {name}")
-    tries = sum(map(int, said))
-    return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
+    outcome = sum(map(int, said)), outage, usual, memory, processor, worst, faults
+    return Result(", ".join(names), *outcome)
 
 
 def strange(before: Set[psutil.Process]) -> List[psutil.Process]:
@@ -449,10 +452,13 @@ def all_of_them(seconds: float) -> List[Result]:
             robot.end()
 
 
-def show(results: List[Result]) -> int:
-    """Print the table; return the exit status."""
+def show(results: List[Result], path: Optional[Path]) -> int:
+    """Print the table, and write it to a file; return the exit status."""
     rows = [each.row() for each in results]
     print(tabulate(rows, COLUMNS, tablefmt="github", disable_numparse=True), flush=True)
+    if path is not None:
+        with open(str(path), "w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     return int(any(each.faults for each in results))
 
 
@@ -462,6 +468,7 @@ def main() -> int:
     parser.add_argument("attacks", nargs="*", help=f"of these: {', '.join(ATTACKS)}; none: all")
     parser.add_argument("--seconds", type=float, default=60.0, help="so long each attack takes")
     parser.add_argument("--short", action="store_true", help="one robot, each for a few seconds")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
     parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     unknown = sorted({*options.attacks} - {*ATTACKS})
@@ -472,7 +479,7 @@ def main() -> int:
         print(f"Nothing is attacked: {why}.")
         return 0
     if options.short:
-        return show(all_of_them(SHORT_S))
+        return show(all_of_them(SHORT_S), options.csv)
     if options.json:
         print(json.dumps(one(options.attacks[0], options.seconds)), flush=True)
         return 0
@@ -482,7 +489,7 @@ def main() -> int:
         command = [sys.executable, __file__, "--json", "--seconds", str(options.seconds), name]
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
         results.append(Result(*json.loads(done.stdout.splitlines()[-1])))
-    return show(results)
+    return show(results, options.csv)
 
 
 if __name__ == "__main__":
