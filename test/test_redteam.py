@@ -1,4 +1,4 @@
-"""A live robot is attacked as another user: the short form of `make redteam`, in the long tests."""
+"""A live robot is attacked as another user: the short form of `make redteam`."""
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +8,6 @@ import psutil
 import pytest
 from tools_run import run_tool
 
-from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,7 +51,6 @@ def test_what_an_earlier_run_has_left_is_no_stranger_s(start: Start) -> None:
     assert [each.pid for each in strange(before)] == [new]
 
 
-@pytest.mark.skipif(not LONG, reason="make test-long: it takes a robot of its own")
 @HERE
 def test_short_form() -> None:
     done = run_tool(str(ROOT / "tools" / "redteam"), "--short", timeout=TIMEOUT_S)

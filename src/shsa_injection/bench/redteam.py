@@ -151,7 +151,6 @@ class Robot:
         )
         wait_until(_view_listens, 60.0, "the view is there")
         wait_until(lambda: self.passed, 60.0, "the gate lets pass")
-        os.environ["HEARTS"] = " ".join(_hearts())
         self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
         self.idle = self.rates(IDLE_S)
         self.price = {name: 0.0 for name in HEALERS}  # of one failure, in s
@@ -339,6 +338,7 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     """
     innocent = robot.innocents()
     before, began, peak = robot.use(), time.monotonic(), Peak(robot)
+    os.environ["HEARTS"] = " ".join(_hearts())
     words = [*as_user(STRANGER, robot.theirs), sys.executable, "-m", ATTACKERS]
     given = [str(seconds), str(robot.theirs), str(robot.innocent.pid)]
     start = lambda name: robot.graph.start(*words, name, *given, heard=True)
