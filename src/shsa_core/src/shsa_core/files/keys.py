@@ -159,6 +159,9 @@ VALUE: Keys = {
     "usual": basic(interval, "what it usually is; outside, people are warned"),
     "quality": _quality,
     "error": _known_error,
+    "fault_tolerant_error": expert(
+        positive, "what 95 % of a substitute's error must be within, in the property's unit"
+    ),
     "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
     "calibrate": expert(flag, "learn gain and offset of its substitutes while the sensor works"),
 }

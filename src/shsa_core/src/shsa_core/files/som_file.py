@@ -283,9 +283,9 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     provisions = {each.property: each for each in service.provides}
     for before in old.provides:
         now = provisions[before.property]
-        if (now.checks, now.error) != (before.checks, before.error):
-            what = "checks" if now.checks != before.checks else "error"
-            raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
+        for what in ("checks", "error", "fault_tolerant_error"):
+            if getattr(now, what) != getattr(before, what):
+                raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
         if not is_within(before.range, now.range):
             raise entry.error(f"range of {now.property}: only the SOM file can make it narrower")
     if (service.period or inf) < (old.period or inf):
