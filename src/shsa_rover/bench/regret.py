@@ -50,7 +50,7 @@ def regrets(
 ) -> Iterator[Regret]:
     """Yield every property with a known truth that can be derived without the service it has."""
     rows = min(len(data.time), round(seconds / PERIOD_S))
-    lost_at = min(round(CALIBRATED_S / PERIOD_S), rows // 2)
+    lost_at = min(round(CALIBRATED_S / PERIOD_S), 2 * rows // 3)
     begin = max(0, lost_at - round(SETTLED_S / PERIOD_S))
     measured = {path: column[begin:rows] for path, column in data.measured.items()}
     columns = Columns(ontology, data.time[begin:rows], measured)
