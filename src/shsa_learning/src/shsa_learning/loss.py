@@ -34,7 +34,7 @@ class Loss(NamedTuple):
 
     @property
     def limit(self) -> Optional[float]:
-        """What the error of its substitute must be within."""
+        """Return what the error of its substitute must be within; None: that is not said."""
         return None if self.source is None else self.source.provision.fault_tolerant_error
 
     def apart(self, unavoided: Collection[str] = ()) -> "Loss":

@@ -28,7 +28,7 @@ class Error:
 
     @property
     def within(self) -> float:
-        """What 95 % of it are within: p95; where that is not known, of a normal distribution."""
+        """Return what 95 % of it are within: p95, or where that is not known as if it were normal."""
         return P95 * self.rms if self.p95 is None else self.p95
 
     @property
