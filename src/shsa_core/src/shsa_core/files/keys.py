@@ -103,7 +103,9 @@ FUNCTION: Keys = {
     "quality": _quality,
     "error": _known_error,
     "where": expert(
-        Reader("mapping", _steps), "names for values on the way, and their expressions, in order"
+        Reader("mapping", _steps),
+        "names for values on the way, and their expressions, in order; as an entry of the relation "
+        "itself, for all that it yields",
     ),
     "not_executable": expert(
         text, "instead of function: a text that is no expression, and becomes no code"
