@@ -88,6 +88,22 @@ def test_nothing_is_said_before_enough_was_seen() -> None:
     assert bench.kinds() == [(NODE, "formula")]
 
 
+@pytest.mark.parametrize(
+    "formula", ["once(current > 4, 0.5)", "within(current < 2, current > 4, 0.5)"]
+)
+def test_what_has_waited_for_us_is_judged_in_the_publishers_favour(formula: str) -> None:
+    for waited in (0.0, 5.0):
+        evidence = Evidence(keeping(formula))
+        values = [5.0 if step % 20 == 0 else 1.0 for step in range(450)]
+        times = [0.02 * step for step in range(200)] + 250 * [9.0]  # the last 5 s are read at once
+        late = [0.0] * 200 + [waited] * 250
+        found = [
+            evidence.weigh(Message(time, TOPIC, NODE, (value,), waited=wait), False)[0]
+            for time, value, wait in zip(times, values[:185] + values[200:] + values[:15], late)
+        ]
+        assert all(found) is (waited > 0.0)
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), None])
 def test_what_has_no_value_breaks_nothing(value: Optional[float]) -> None:
     bench = streaming("always(1 / current < 5, 1)")

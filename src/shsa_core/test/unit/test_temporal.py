@@ -64,8 +64,7 @@ def histories(least: int) -> st.SearchStrategy[List[List[bool]]]:
 
 
 def judged(part: Part, samples: Sequence[Sample]) -> List[Truth]:
-    judge = part.judge()
-    return [judge(time, truths) for time, truths in samples]
+    return told(part, [(time, [*truths]) for time, truths in samples])
 
 
 BACK = ("not", "and", "or", "always", "once", "since")
@@ -96,16 +95,19 @@ def test_an_answer_within_a_time(part: Part, seen: List[List[bool]], steps: List
 
 def test_a_condition_that_is_not_known_is_judged_neither_way() -> None:
     a, b = Part(ATOM, place=0), Part(ATOM, place=1)
-    always, since = Part("always", (a,), 2.0).judge(), Part("since", (a, b), 2.0).judge()
-    assert [always(t, [None]) for t in (0.0, 3.0)] == [None, None]
-    assert [always(t, [True]) for t in (4.0, 6.0)] == [None, True]
-    assert [since(0.0, [True, True]), since(1.0, [None, False])] == [True, None]
-    assert [since(2.0, [True, False]), since(2.5, [True, None])] == [None, None]
-    assert [since(4.0, [True, False]), since(5.0, [True, False])] == [None, False]
-    both = Part("or", (a, Part("not", (b,)))).judge()
-    assert [both(0.0, [None, None]), both(0.0, [True, None])] == [None, True]
-    within = Part("within", (a, b), 1.0).judge()
-    assert [within(t, [True, None]) for t in (0.0, 9.0)] == [True, True]
+    always: List[Tuple[float, List[Truth]]] = [(0, [None]), (3, [None]), (4, [True]), (6, [True])]
+    assert told(Part("always", (a,), 2.0), always) == [None, None, None, True]
+    since: List[Tuple[float, List[Truth]]] = [(0, [True, True]), (1, [None, False])]
+    since += [(2, [True, False]), (2.5, [True, None]), (4, [True, False]), (5, [True, False])]
+    assert told(Part("since", (a, b), 2.0), since) == [True, None, None, None, None, False]
+    both = Part("or", (a, Part("not", (b,))))
+    assert told(both, [(0, [None, None]), (0, [True, None])]) == [None, True]
+    assert told(Part("within", (a, b), 1.0), [(0, [True, None]), (9, [True, None])]) == [True, True]
+
+
+def told(part: Part, samples: Sequence[Tuple[float, List[Truth]]]) -> List[Truth]:
+    judge = part.judge()
+    return [judge((time, time), truths) for time, truths in samples]
 
 
 def test_a_formula_is_read() -> None:

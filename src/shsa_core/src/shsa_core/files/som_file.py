@@ -219,7 +219,7 @@ def _check_event_driven(service: Service, entry: Entry) -> None:
 
 
 def _check_formula(service: Service, entry: Entry) -> None:
-    for name in service.formula.names if service.formula else ():
+    for name in [name for each in service.checks.formulas for name in each.parsed.names]:
         if name not in service.properties:
             formula = entry["checks"].mapping("checks")["formula"]
             known = ", ".join(service.properties)

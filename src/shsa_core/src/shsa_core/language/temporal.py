@@ -26,8 +26,10 @@ OPERATORS: Mapping[str, Tuple[str, str]] = {
 
 Truth = Optional[bool]
 """None: not known yet."""
-Decide = Callable[[float, Sequence[Truth]], Truth]
-"""Judge the truth of the parts at a time, in s; it remembers what it needs of earlier ones."""
+Moment = Tuple[float, float]
+"""When a sample came: at the latest, and at the earliest; in s. In doubt an operator is true."""
+Decide = Callable[[Moment, Sequence[Truth]], Truth]
+"""Judge the truth of the parts at a moment; it remembers what it needs of earlier ones."""
 
 
 @dataclass(frozen=True)
@@ -112,20 +114,20 @@ def _all(parts: Sequence[Truth]) -> Truth:
 def _since(time: float) -> Decide:
     true_at, maybe_at = -inf, inf  # when `came` was true, and may have been; inf: before all
 
-    def decide(now: float, parts: Sequence[Truth]) -> Truth:
+    def decide(now: Moment, parts: Sequence[Truth]) -> Truth:
         nonlocal true_at, maybe_at
-        holds, came = parts
-        maybe_at = min(maybe_at, now)
+        (latest, earliest), (holds, came) = now, parts
+        maybe_at = min(maybe_at, latest)
         if not holds:
             maybe_at = -inf if holds is False else max(true_at, maybe_at)
             true_at = -inf
         if came:
-            true_at = now
+            true_at = latest
         elif came is None:
-            maybe_at = now
-        if now - true_at <= time:
+            maybe_at = latest
+        if earliest - true_at <= time:
             return True
-        return None if now - maybe_at <= time else False
+        return None if earliest - maybe_at <= time else False
 
     return decide
 
@@ -143,14 +145,14 @@ def _always(time: float) -> Decide:
 def _within(time: float) -> Decide:
     asked_at = inf
 
-    def decide(now: float, parts: Sequence[Truth]) -> Truth:
+    def decide(now: Moment, parts: Sequence[Truth]) -> Truth:
         nonlocal asked_at
-        asked, answered = parts
+        (latest, earliest), (asked, answered) = now, parts
         if answered is not False:
             asked_at = inf
         elif asked:
-            asked_at = min(asked_at, now)
-        return now - asked_at <= time
+            asked_at = min(asked_at, latest)
+        return earliest - asked_at <= time
 
     return decide
 

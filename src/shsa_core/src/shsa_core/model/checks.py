@@ -8,6 +8,7 @@ from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
+from shsa_core.language import temporal
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import (
     FormSample,
@@ -213,6 +214,11 @@ class Formula(Check):
 
     limit: str  # type: ignore[assignment]
 
+    @property
+    def parsed(self) -> temporal.Formula:
+        """The formula."""
+        return temporal.parse_formula(self.limit)
+
     def judge(self, sample: FormulaSample) -> Optional[str]:
         if sample.holds is not False:
             return None
@@ -304,3 +310,8 @@ class Checks:
     of: int = 10
 
     recovery: ClassVar[int] = 5
+
+    @property
+    def formulas(self) -> Tuple[Formula, ...]:
+        """The formula, if there is one."""
+        return tuple(check for check in self.each if isinstance(check, Formula))

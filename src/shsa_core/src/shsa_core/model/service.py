@@ -3,8 +3,6 @@ import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar, Optional, Tuple, Union
 
-from shsa_core.language.temporal import Formula, parse_formula
-from shsa_core.model import checks
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import to_path
@@ -161,12 +159,6 @@ class Service:
         shared = (self.shared, self.fails_with, ())
         tries = [each for causes in shared for each in ((*causes, *self.avoid), causes)]
         return tuple(dict.fromkeys(each for each in tries if each))
-
-    @property
-    def formula(self) -> Optional[Formula]:
-        """The formula that its values must keep; None: there is none."""
-        limits = (str(c.limit) for c in self.checks.each if isinstance(c, checks.Formula))
-        return next(map(parse_formula, limits), None)
 
     @property
     def event_driven(self) -> bool:

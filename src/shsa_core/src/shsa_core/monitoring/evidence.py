@@ -5,14 +5,7 @@ from math import ceil, isfinite
 from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
 
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import (
-    FormSample,
-    FormulaSample,
-    RateSample,
-    StampSample,
-    Usual,
-    ValueSample,
-)
+from shsa_core.model.samples import FormSample, RateSample, StampSample, Usual, ValueSample
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
@@ -37,7 +30,7 @@ Learned = Dict[Tuple[str, str], Stillness]
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
     """Return the provisions whose values are looked at; a message is decoded for no others."""
-    named = service.formula.names if service.formula else ()
+    named = {name for each in service.checks.formulas for name in each.parsed.names}
     return tuple(
         each
         for each in service.provides
@@ -166,9 +159,7 @@ class Evidence:
         self._values = [_Value(provision, learned) for provision in checked]
         judged = () if learned is None or service.period is None else checks.each
         self._form, self._form_checks = Form({} if form is None else form), _of(judged, FormSample)
-        formula = service.formula
-        self._formula = None if formula is None else FormulaRun(formula)
-        self._formula_checks = _of(checks.each, FormulaSample)
+        self._formulas = [(each, FormulaRun(each.parsed)) for each in checks.formulas]
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -260,8 +251,8 @@ class Evidence:
             if seen is not None and (self.written is None or value.field in self.written):
                 values[value.name] = seen
                 yield value.look(seen, message.time, failed)
-        if self._formula is not None and message.values is not None:
-            yield judge(self._formula_checks, self._formula.sample(message.time, values))
+        for check, run in () if message.values is None else self._formulas:
+            yield judge([check], run.sample(message.time, message.waited, values))
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
         if self._stamp_checks and message.age is not None:

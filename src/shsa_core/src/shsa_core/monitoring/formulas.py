@@ -17,11 +17,14 @@ class FormulaRun:
             (each.names, _step(each)) for each in formula.conditions
         ]
 
-    def sample(self, now: float, values: Mapping[str, float]) -> FormulaSample:
-        """Return the truth at a message; a condition whose values are not there is unknown."""
+    def sample(self, now: float, waited: float, values: Mapping[str, float]) -> FormulaSample:
+        """Return the truth at a message, which may have `waited` for us for so many s.
+
+        A condition whose values are not there is unknown.
+        """
         truths = [_truth(names, step, now, values) for names, step in self._steps]
         seen = tuple((name, values[name]) for name in self._names if name in values)
-        return FormulaSample(self._decide(now, truths), seen)
+        return FormulaSample(self._decide((now, now - waited), truths), seen)
 
 
 def _truth(names: Tuple[str, ...], step: Step, now: float, values: Mapping[str, float]) -> Truth:
