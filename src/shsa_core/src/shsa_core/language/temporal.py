@@ -22,12 +22,12 @@ OPERATORS: Mapping[str, Tuple[str, str]] = {
     "since": ("a, b, T", "b held at one message of the last T s, and a at all after it"),
     "within": ("a, b, T", "no a waits for b longer than T s"),
 }
-"""What each operator takes (conditions or formulas, and a time), and when it is true."""
+"""The operators with time: their conditions, or formulas, and their time; when they are true."""
 
 Truth = Optional[bool]
 """None: not known yet."""
 Moment = Tuple[float, float]
-"""When a sample came: at the latest, and at the earliest; in s. In doubt an operator is true."""
+"""The time in s at which a sample came at the latest, and at the earliest: in doubt all is well."""
 Decide = Callable[[Moment, Sequence[Truth]], Truth]
 """Judge the truth of the parts at a moment; it remembers what it needs of earlier ones."""
 
