@@ -40,7 +40,7 @@ class Budget:
 
 def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
     """Report the needed services that are healed later than they may be, with the sums."""
-    for service in som.needed():
+    for service in som.may_be_needed():
         tolerated = service.fault_tolerant_time
         if tolerated is None or service.policy is Policy.ADVISE:
             continue

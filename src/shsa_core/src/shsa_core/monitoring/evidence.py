@@ -136,6 +136,11 @@ class Verdict:
             self.recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
         return guilty
 
+    @property
+    def newest_is_bad(self) -> bool:
+        """True if the newest message was bad."""
+        return bool(self._history & 1)
+
     def clear(self) -> None:
         """Forget what was bad."""
         self._history = 0
