@@ -314,6 +314,6 @@ def test_where_the_som_leaves_open_what_is_needed_all_of_it_is_reported(seed: in
     robot, som = random_robot(seed)
     marked = lambda needed: Som(dataclasses.replace(each, needed=needed) for each in som)
     left_open, needed = analyse(robot, marked(None)), analyse(robot, marked(True))
-    assert [each.name for each in left_open.services] == [each.name for each in som]
+    assert [each.service for each in left_open.services] == [each.name for each in som]
     assert left_open.nodes == needed.nodes and left_open.cuts == needed.cuts
     assert analyse(robot, marked(False)).services == ()

@@ -88,7 +88,8 @@ class _Schedule:
         self._placed = before
 
     def _of(self, standby: Standby) -> List[Service]:
-        return [s for s in self._som.may_be_needed() if s.standby is standby and s.name in self._reads]
+        placed = (each for each in self._som.may_be_needed() if each.name in self._reads)
+        return [each for each in placed if each.standby is standby]
 
     def _place(self, service: Service) -> Iterator[str]:
         """Place a substitute; yield why it is not where it should be."""
