@@ -34,7 +34,8 @@ from shsa_core.files.readers import (
 )
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
-from shsa_core.model.checks import REGISTRY, Check, Checks, Limit, default_checks
+from shsa_core.language.temporal import parse_formula
+from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, default_checks
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
@@ -102,7 +103,9 @@ FUNCTION: Keys = {
     "quality": _quality,
     "error": _known_error,
     "where": expert(
-        Reader("mapping", _steps), "names for values on the way, and their expressions, in order"
+        Reader("mapping", _steps),
+        "names for values on the way, and their expressions, in order; as an entry of the relation "
+        "itself, for all that it yields",
     ),
     "not_executable": expert(
         text, "instead of function: a text that is no expression, and becomes no code"
@@ -115,6 +118,8 @@ FUNCTION: Keys = {
 
 
 def _check(kind: Type[Check]) -> Key:
+    if kind is Formula:
+        return expert(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
     words: Dict[Union[bool, str], Optional[Limit]] = {False: None, True: kind.usual}
     form, highest = "false, true or a number above 0", HIGHEST
     if kind.usual is True:

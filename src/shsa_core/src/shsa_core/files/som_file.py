@@ -179,6 +179,7 @@ def _service(
     service = Service(name=name, where=value.where, **given)
     if service.event_driven:
         _check_event_driven(service, entry)
+    _check_formula(service, entry)
     _check_last_resort(service, entry)
     _check_hosts(service, entry, hosts)
     return service
@@ -215,6 +216,14 @@ def _check_event_driven(service: Service, entry: Entry) -> None:
     for key in ("deadline", "bridge"):
         if getattr(service, key):
             raise entry[key].error(f"an event-driven topic (period: none) has no {key}")
+
+
+def _check_formula(service: Service, entry: Entry) -> None:
+    for name in [name for each in service.checks.formulas for name in each.parsed.names]:
+        if name not in service.properties:
+            formula = entry["checks"].mapping("checks")["formula"]
+            known = ", ".join(service.properties)
+            raise formula.error(f"formula uses {name}, but the service provides {known} alone")
 
 
 def _check_last_resort(service: Service, entry: Entry) -> None:

@@ -47,7 +47,7 @@ class _Analysis:
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
-        for service in som.needed():
+        for service in som.may_be_needed():
             for cause in service.causes:
                 self._hosted.setdefault(cause, []).append(service)
         self._cuts_of: Dict[str, Set[Nodes]] = {}  # by service
@@ -58,7 +58,7 @@ class _Analysis:
             for service in hosted:
                 cuts = self._cuts(service.properties, frozenset([cause]))
                 self._cuts_of.setdefault(service.name, set()).update(cuts)
-        services = tuple(self._service(service) for service in self._som.needed())
+        services = tuple(self._service(service) for service in self._som.may_be_needed())
         robot_cuts = _robot_cuts(services)
         remedies = Remedies(self._ontology, self._som, self._fragility, services)
         sensors, relations = remedies.sensors(), remedies.relations()
