@@ -28,7 +28,7 @@ class Error:
 
     @property
     def within(self) -> float:
-        """Return what 95 % of it are within: p95, or where that is not known as if it were normal."""
+        """Return what 95 % of it are within: p95; not known: as if it were normal."""
         return P95 * self.rms if self.p95 is None else self.p95
 
     @property
