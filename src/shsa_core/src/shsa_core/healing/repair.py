@@ -242,8 +242,8 @@ def ends_at(service: ServiceMachine) -> Optional[float]:
     """Return when the last good message came: now, if the substitute published until now."""
     incident, first = service.incident, service.incident.first_message
     last = incident.last_good
-    publishes = incident.state is State.HEALED and first is not None
-    return service.robot.time if publishes and (last is None or last < first) else last
+    publishes = first is not None and (last is None or last < first)
+    return service.robot.time if publishes and incident.state is State.HEALED else last
 
 
 def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, object]:
