@@ -19,7 +19,7 @@ DIGITS = "0123456789"
 
 
 class Alone:
-    """What an idle process may take over by itself. Times in s.
+    """Has an idle process take topics over by itself. Times in s.
 
     `idle`: the row to which it returns; None: it does as the table says.
     """
