@@ -20,7 +20,7 @@ class Counters:
 
     @property
     def reasons(self) -> str:
-        """How many bytes were dropped, and why."""
+        """Return the dropped bytes by reason, in words."""
         return ", ".join(f"{number} {why}" for why, number in self.dropped.items() if number)
 
 
