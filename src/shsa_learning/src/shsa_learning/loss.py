@@ -1,35 +1,53 @@
 """Finds what is left when a property is lost, by the SOM alone: without a running graph."""
 from collections import deque
-from typing import Collection, Iterable, List, NamedTuple, Optional, Tuple
+from dataclasses import replace
+from typing import Collection, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
+from shsa_core.codegen.choice import substitutes
+from shsa_core.codegen.prediction import Predictor
+from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import LOST, SourceTable
+from shsa_core.search.substitutes import Substitute
 
 
 class Loss(NamedTuple):
     """A lost property: its lost source, those that stay, and what must not be used.
 
-    `source` is None where nothing provides it.
+    `source` is None where nothing provides it. `avoided`: the sources that its substitute reads
+    only if nothing else is left, as the SOM wishes.
     """
 
     name: str
     source: Optional[Source]
     available: Tuple[Source, ...]
     excluded: Tuple[str, ...]
+    avoided: Tuple[Source, ...] = ()
+
+    @property
+    def prefer(self) -> Tuple[str, ...]:
+        """The relations that its substitute should be computed by."""
+        return () if self.source is None else self.source.service.prefer
 
     def apart(self, unavoided: Collection[str] = ()) -> "Loss":
-        """Return the loss without all that shares a cause with the lost service.
+        """Return the loss without what shares a cause with the lost service, or is to be avoided.
 
         `unavoided`: causes that its substitute shares, as nothing else would do.
         """
         assert self.source is not None
-        avoided = self.source.service.avoided
-        causes = next((each for each in avoided if set(each).isdisjoint(unavoided)), ())
-        available = [s for s in self.available if set(causes).isdisjoint(s.names)]
-        return self._replace(available=tuple(available), excluded=(*self.excluded, *causes))
+        service = self.source.service
+        causes = next((each for each in service.avoided if set(each).isdisjoint(unavoided)), ())
+        shared = set(causes) - set(service.avoid)
+        left = [s for s in self.available if shared.isdisjoint(s.names)]
+        avoided = tuple(s for s in left if not set(causes).isdisjoint(s.names))
+        return self._replace(
+            available=tuple(s for s in left if s not in avoided),
+            excluded=(*self.excluded, *causes),
+            avoided=avoided,
+        )
 
 
 def lose(som: Som, name: str, without: Iterable[str] = ()) -> Tuple[Loss, ...]:
@@ -53,6 +71,21 @@ def _loss(som: Som, name: str, source: Optional[Source], excluded: Iterable[str]
     return Loss(name, source, available, names)
 
 
+def ranked(
+    ontology: Ontology, loss: Loss, predictor: Optional[Predictor]
+) -> Iterator[Tuple[Substitute, Optional[Error]]]:
+    """Yield every substitute of a lost property, best first; those by avoided sources last."""
+    question = loss.name, predictor, loss.prefer
+    first = True
+    for each in substitutes(ontology, loss.available, *question):
+        first = False
+        yield each
+    if loss.avoided:
+        for found, error in substitutes(ontology, (*loss.available, *loss.avoided), *question):
+            if not set(loss.avoided).isdisjoint(found.derivation.sources()):
+                yield replace(found, proven_best=found.proven_best and first), error
+
+
 class DeadBranch(NamedTuple):
     """A relation that cannot yield a property, and the inputs that it lacks."""
 
@@ -65,7 +98,8 @@ def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
     """Return the relations in reach of the lost property that cannot be used, nearest first."""
     network = ontology.network
     target = network.number(loss.name)
-    best = BestDerivations(network, SourceTable(network, loss.available), prune=False)
+    table = SourceTable(network, (*loss.available, *loss.avoided))
+    best = BestDerivations(network, table, prune=False)
     best.settle(target)
     dead = []
     near = deque([target])

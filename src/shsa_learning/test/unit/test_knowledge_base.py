@@ -33,7 +33,7 @@ constraint: "steering_angle < 3"}
     dmin: {in: [dmin, laser], fct: "dmin"}
     gear: {in: [laser], fct: "laser"}
   guarded:
-    dmin: {in: [battery], fct: "battery", constraint: "False"}
+    dmin: {in: [battery], fct: "battery", constraint: "battery"}
   foreign:
     dmin: {in: [battery], fct: "battery + threshold"}
   empty:
@@ -94,7 +94,7 @@ def test_the_ontology(read: Read) -> None:
     assert (scan.text, scan.inputs) == ("laser_min", ("laser_min",))
     guarded = functions["guarded", "dmin"]
     assert (guarded.law, guarded.constraint) == (None, None)
-    assert guarded.text == "battery if False"
+    assert guarded.text == "battery if battery"
     assert functions["foreign", "dmin"].text == "battery + threshold"
     assert functions["empty", "dmin"].text == ""
 

@@ -77,6 +77,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
         findings += _check_names(ontology, som)
+        findings += _check_wishes(ontology, som)
         findings += _check_reach(ontology, known)
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
@@ -185,6 +186,17 @@ def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
                 f"{source.service.name} provides '{source.property}', which {kind} in the ontology",
                 "Correct the name, or add it to 'properties'",
             )
+
+
+def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    relations = {function.relation for function in ontology.functions}
+    nodes = {service.node for service in som}
+    for service in som:
+        strange = [f"prefers the relation {r}" for r in service.prefer if r not in relations]
+        strange += [f"avoids the node {node}" for node in service.avoid if node not in nodes]
+        for wish in strange:
+            what = f"{service.name} {wish}, which is not there"
+            yield Finding("warning", service.where, what, "Correct the name, or remove it")
 
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:

@@ -1,11 +1,11 @@
-"""Orders derivations by their expected error where errors are known, then by quality."""
+"""Orders derivations: by what is preferred, by expected error where it is known, by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
-from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Collection, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
@@ -31,22 +31,27 @@ def listing(
     properties: Sequence[str],
     usable: Optional[Usable],
     predictor: Optional[Predictor],
+    prefer: Collection[str] = (),
 ) -> Listing:
-    """Yield every joint derivation: by expected error, then by quality, or by quality alone."""
+    """Yield every joint derivation: by expected error, then by quality, or by quality alone.
+
+    Those by the relations to `prefer` come first, save what errs more than the mean.
+    """
     numbers = [network.number(name) for name in properties]
-    given = set()
-    if predictor is not None:
-        parts = [compare(network, table, usable, number, predictor) for number in numbers]
+    number_of = (predictor or Predictor(EMPTY, ())).number
+    given: Set[int] = set()
+    if predictor is not None or prefer:
+        parts = [compare(network, table, usable, number, predictor, prefer) for number in numbers]
         complete = all(each.complete for each in parts)
         for places in joined([len(each.rated) for each in parts]):
             rated = rate_joint([each.rated[i] for each, i in zip(parts, places)])
-            given.add(predictor.number(rated.derivation))
+            given.add(number_of(rated.derivation))
             yield rated, complete
         if complete:
             return
     for rated in Ranking(network, table, usable).joint(numbers):
-        if predictor is None or predictor.number(rated.derivation) not in given:
-            yield rated, predictor is None
+        if not given or number_of(rated.derivation) not in given:
+            yield rated, not given
 
 
 class Compared(NamedTuple):
@@ -61,9 +66,10 @@ def compare(
     table: SourceTable,
     usable: Optional[Usable],
     number: int,
-    predictor: Predictor,
+    predictor: Optional[Predictor],
+    prefer: Collection[str] = (),
 ) -> Compared:
-    """Compare derivations of a property by their errors.
+    """Compare derivations of a property by what is preferred, and by their errors.
 
     They are taken by turns from all relations that yield the property: which of them errs least
     must not depend on their qualities.
@@ -81,7 +87,13 @@ def compare(
         used.update(rated.derivation.unique())
     parts.sort(key=lambda rated: rated.key)
     derivations = [part.derivation for part in parts]
-    order = ordered(derivations, predictor.of(derivations), predictor)
+    errors: List[Optional[Error]] = [None] * len(parts)
+    order = list(range(len(parts)))
+    if predictor is not None:
+        errors = predictor.of(derivations)
+        order = ordered(derivations, errors, predictor)
+    wished = set(prefer)
+    order.sort(key=lambda i: wished.isdisjoint(derivations[i].relations()) or _harms(errors[i]))
     return Compared([parts[i] for i in order], complete)
 
 
@@ -90,14 +102,17 @@ def substitutes(
     sources: Iterable[Source],
     target: str,
     predictor: Optional[Predictor] = None,
+    prefer: Collection[str] = (),
 ) -> Iterator[Tuple[Substitute, Optional[Error]]]:
     """Yield every substitute of the property `target`, best first, and its expected error.
 
-    `sources`: what may be used. Relations that cannot be executed count as well.
+    `sources`: what may be used. Relations that cannot be executed count as well. `prefer` as in
+    `listing`.
     """
     network = ontology.network
     table = SourceTable(network, sources)
-    for place, (rated, best) in enumerate(listing(network, table, [target], None, predictor)):
+    found = listing(network, table, [target], None, predictor, prefer)
+    for place, (rated, best) in enumerate(found):
         (derivation,) = rated.derivation.inputs
         error = None if predictor is None else predictor.of([derivation])[0]
         quality = max(rated.quality, SMALLEST_QUALITY)
@@ -125,9 +140,13 @@ def _rank(
     if error is None:
         source = derivation.source
         return (UNKNOWN, 0.0, 0.0) if source is None else (KNOWN, 1.0 - source.quality, 0.0)
-    if error.baseline is not None and error.rms >= error.baseline:
+    if _harms(error):
         return HARMFUL, 0.0, error.rms
     return KNOWN, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
+
+
+def _harms(error: Optional[Error]) -> bool:
+    return error is not None and error.baseline is not None and error.rms >= error.baseline
 
 
 def joined(counts: Sequence[int]) -> Iterator[Tuple[int, ...]]:

@@ -163,13 +163,14 @@ def plan_sources(
     if method not in METHODS:
         raise ModelError("method", f"{method!r} is not known; allowed are {', '.join(METHODS)}")
     network, properties = ontology.network, [source.property for source in outputs]
+    prefer = outputs[0].service.prefer
     refused: Optional[GenerationError] = None
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
     numbers = [network.number(name) for name in properties]
     for usable, whole in nearest(network, table, numbers, network.executable, steps):
         question = network, table, properties, usable
-        for found in (_listing(*question, method, predictor), _smallest_first(*question)):
+        for found in (_listing(*question, method, predictor, prefer), _smallest_first(*question)):
             looked_at = 0
             for rated, proven in islice(found, most):
                 looked_at += 1
@@ -260,11 +261,12 @@ def _listing(
     usable: Optional[Usable],
     method: str,
     predictor: Optional[Predictor],
+    prefer: Collection[str],
 ) -> Listing:
     """Yield joint derivations: the best by `method`, then all, best first."""
     numbers = [network.number(name) for name in properties]
-    if method == "best" and predictor is not None:
-        yield from listing(network, table, properties, usable, predictor)
+    if method == "best" and (predictor is not None or prefer):
+        yield from listing(network, table, properties, usable, predictor, prefer)
         return
     if method == "best":  # much faster than to rank all
         best = BestDerivations(network, table, usable)

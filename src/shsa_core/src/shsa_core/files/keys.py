@@ -296,6 +296,14 @@ SERVICE: Keys = {
         ),
         "services or topics that its values are computed from; not given: measured",
     ),
+    "prefer": expert(
+        list_of(text, "list of relations"),
+        "relations by which its substitute should be computed, unless they err more than the mean",
+    ),
+    "avoid": expert(
+        list_of(matching(_GRAPH_NAME, "/camera or camera"), "list of nodes"),
+        "nodes that its substitute reads only if nothing else is left",
+    ),
     "fault_tolerant_time": expert(
         positive, "s without good data that its users tolerate; `shsa check` judges it"
     ),

@@ -25,6 +25,7 @@ FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
     *("needed", "deadline", "checks", "fails_with", "derived_from"),
+    *("prefer", "avoid"),
 )
 """The keys that decide whom healing may kill or start, and where, who may convict, and when it
 looks away."""
@@ -163,6 +164,7 @@ def _service(
     given = read_entry(value, f"the service {name}", SERVICE)
     entry = value.mapping(name)
     given.update({key: full_name(given[key], namespace) for key in NAMES if key in given})
+    given["avoid"] = tuple(full_name(each, namespace) for each in given.get("avoid", ()))
     given["derived_from"] = tuple(
         each if each in services else full_name(each, namespace)
         for each in given.get("derived_from", ())

@@ -87,6 +87,8 @@ class Service:
     fails_with: Tuple[str, ...] = ()
     fault_tolerant_time: Optional[float] = None
     derived_from: Tuple[str, ...] = ()
+    prefer: Tuple[str, ...] = ()
+    avoid: Tuple[str, ...] = ()
     beyond_gate: str = ""
     host: str = ""
     placement: Placement = Placement()
@@ -151,9 +153,12 @@ class Service:
     def avoided(self) -> Tuple[Tuple[str, ...], ...]:
         """The causes that its substitute does without: if that cannot be, the next; then none.
 
-        All that it shares; all but its computer, which everything else may be on as well.
+        All that it shares; all but its computer, which everything else may be on as well. With
+        each of them the nodes to `avoid`: what is safe comes before what is wished.
         """
-        return tuple(dict.fromkeys(each for each in (self.shared, self.fails_with) if each))
+        shared = (self.shared, self.fails_with, ())
+        tries = [each for causes in shared for each in ((*causes, *self.avoid), causes)]
+        return tuple(dict.fromkeys(each for each in tries if each))
 
     @property
     def event_driven(self) -> bool:

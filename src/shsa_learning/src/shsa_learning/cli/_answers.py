@@ -2,9 +2,8 @@
 from itertools import islice
 from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_learning.loss import Loss, dead_branches
+from shsa_learning.loss import Loss, dead_branches, ranked
 from shsa_core.analysis.takeover import slowest
-from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -66,6 +65,7 @@ def of_service(asked: Asked, service: Service) -> Answer:
     answer["errors"] = dict(zip((source.property for source in plan.outputs), errors))
     shares = [c for c in service.shared if any(c in s.names for s in plan.inputs)]
     slow = slowest(service, plan.inputs)
+    answer.update(_wishes(service, plan.relations, plan.inputs))
     if shares:
         answer["shares"] = shares
     if slow is not None:
@@ -87,7 +87,7 @@ def of_property(asked: Asked, loss: Loss, whole: Optional[Answer] = None) -> Ans
             kept = {key: whole[key] for key in _REFUSAL if key in whole}
             answer = {"property": answer.pop("property"), **kept, "alone": answer}
     else:
-        loss = loss.apart(whole.get("shares", ()))
+        loss = loss.apart([*whole.get("shares", ()), *whole.get("to_avoid", ())])
         answer = _one(asked, loss)
         if "substitute" not in answer:
             answer.update({key: whole[key] for key in ("shares", "slow") if key in whole})
@@ -132,7 +132,8 @@ def _one(asked: Asked, loss: Loss) -> Answer:
         )
     except (NoSubstitute, GenerationError) as error:
         return {"property": loss.name, **_refusal(error)}
-    return {"property": loss.name, **_planned(plan), "error": described(plan.errors[0])}
+    wishes = _wishes(output.service, plan.relations, plan.inputs)
+    return {"property": loss.name, **_planned(plan), **wishes, "error": described(plan.errors[0])}
 
 
 def _output(loss: Loss) -> Source:
@@ -164,7 +165,16 @@ def _answer(
 
 
 def _ranked(asked: Asked, loss: Loss) -> Iterator[Found]:
-    return substitutes(asked.ontology, loss.available, loss.name, asked.predictor)
+    return ranked(asked.ontology, loss, asked.predictor)
+
+
+def _wishes(service: Service, relations: Iterable[str], sources: Iterable[Source]) -> Answer:
+    """Return the preferred relations, and the nodes to avoid, that a substitute uses."""
+    nodes = {source.node for source in sources}
+    preferred = [each for each in relations if each in service.prefer]
+    to_avoid = [each for each in service.avoid if each in nodes]
+    found = {"preferred": preferred, "to_avoid": to_avoid}
+    return {key: names for key, names in found.items() if names}
 
 
 def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optional[Error]) -> Answer:
@@ -176,6 +186,7 @@ def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optiona
         refused = {"refused": str(refusal), "inputs": list(paths)}
     relations = found.derivation.relations()
     answer = _answer(found.quality, relations, found.proven_best, program, [output])
+    answer.update(_wishes(_output(loss).service, relations, found.derivation.sources()))
     return {"property": loss.name, **answer, "error": described(error), **refused}
 
 
@@ -199,6 +210,11 @@ def _explanation(asked: Asked, loss: Loss) -> Answer:
                 "relations": list(each.derivation.relations()),
                 "inputs": [source.path for source in each.derivation.sources()],
                 "error": described(error),
+                **_wishes(
+                    _output(loss).service,
+                    each.derivation.relations(),
+                    each.derivation.sources(),
+                ),
             }
             for each, error in others[:ALTERNATIVES]
         ],

@@ -182,7 +182,9 @@ def _summary(each: Answer) -> str:
     for name, of in each.get("errors", {}).items():
         error += _error(of, f"{name} " if len(each["errors"]) > 1 else "")
     inputs = ", ".join(each["inputs"])
-    return f"quality {each['quality']:.4g}{error} by {by} from {inputs}{refused}"
+    wishes = (("preferred", "preferred"), ("to_avoid", "to be avoided"))
+    wished = "".join(f"  ({word}: {', '.join(each[k])})" for k, word in wishes if k in each)
+    return f"quality {each['quality']:.4g}{error} by {by} from {inputs}{wished}{refused}"
 
 
 def _error(error: Optional[Answer], of: str = "") -> str:

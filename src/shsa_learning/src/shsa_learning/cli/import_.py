@@ -75,9 +75,10 @@ def som_draft(provisions: Sequence[Provision]) -> str:
         quality = "" if provision.quality is None else f", quality: {provision.quality!r}"
         field = f"{provision.reduction}()" if provision.reduction else ""
         period = "" if provision.period is None else f" {provision.period!r}"
+        topic = f" {json.dumps(provision.path)}" if provision.path else ""
         lines += [
             f"  {name}:",
-            f"    topic: {json.dumps(provision.path)}",
+            f"    topic:{topic}",
             "    type:",
             "    node:",
             f"    period:{period}",

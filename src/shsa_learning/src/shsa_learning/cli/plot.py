@@ -5,9 +5,8 @@ import subprocess
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
-from shsa_learning.loss import lose
+from shsa_learning.loss import lose, ranked
 from shsa_learning.cli._common import add_models, add_without, check_property, read_models, without
-from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, NoSubstitute
 from shsa_core.model.ontology import Ontology
@@ -67,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             none, title = error, f"{title}; nothing replaces it"
         else:
             errors = predictor(ontology, som.sources)
-            found, expected = next(substitutes(ontology, available, args.property, errors))
+            found, expected = next(ranked(ontology, loss, errors))
             derivation = found.derivation
             title += f"; its substitute has the quality {found.quality:.3g}"
             title += f" and the expected error {expected.rms:.3g}" if expected is not None else ""

@@ -74,7 +74,7 @@ def search_again(ontology: Ontology, som: Som, incident: Incident) -> Search:
     searched = []
     for output in service.sources:
         there = [s for s in som.sources if s.service.name != service.name]
-        listing = substitutes(ontology, there, output.property, errors)
+        listing = substitutes(ontology, there, output.property, errors, service.prefer)
         found = [
             _found(ontology, output, each.derivation, each.quality, error, doubts, incident)
             for each, error in islice(listing, LOOKED_AT)
@@ -113,6 +113,8 @@ class _Doubts:
         causes = [cause for cause in of.shared if cause in self._shared]
         if causes and source.path not in self._ran:
             return [f"{who} may fail with the lost service, by {', '.join(causes)}"]
+        if of.node in self._service.avoid and source.path not in self._ran:
+            return [f"{who} is of {of.node}, which the SOM avoids"]
         return []
 
 

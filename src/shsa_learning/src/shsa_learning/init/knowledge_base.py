@@ -21,8 +21,9 @@ from shsa_learning.init.knowledge_text import inserted, reduced, translated
 class Provision:
     """A service as far as the knowledge base knows it: its path, and the rest if it is given.
 
-    The path is topic and field in one: where the field begins is not said. `period` in s, `quality`
-    in (0, 1]. `reduction`: what makes one number of the array that is there, such as `min`.
+    The path is topic and field in one: where the field begins is not said. It is empty where all
+    that is known is that something provides the property. `period` in s, `quality` in (0, 1].
+    `reduction`: what makes one number of the array that is there, such as `min`.
     """
 
     property: str
@@ -145,6 +146,8 @@ class _Reader:
             return self._note(value, f"{name} is left out: it uses its own output")
         if output in self._constants:
             return self._note(value, f"{name} is left out: {output} is a constant")
+        if condition == "False":
+            return self._note(value, f"{name} is left out: its constraint is never true")
         law, reductions = reduced(translated(text), set(inputs) - self._constants.keys())
         where = inserted(translated(condition), output, law) if condition != "True" else ""
         expression, constraint, reason = _executable(law, where, {*inputs, *reductions})
@@ -187,6 +190,8 @@ class _Reader:
             self._add_property(name, value)
             if value.data is True or value.data == 1.0:
                 self._note(value, f"{name} is provided, but by no topic that is named")
+                if name in self._properties and not _paths(self._table("provision").get(name)):
+                    self._add_provision(name, "")
         needs = self._table("need")
         for name, value in {**needs, **self._table("provision")}.items():
             if name in self._constants:
@@ -205,7 +210,12 @@ class _Reader:
                 self._note(needs[name], f"{name} is needed, but no topic is named")
 
     def _add_provision(
-        self, name: str, path: str, value: Optional[Value], number: str = "", reduction: str = ""
+        self,
+        name: str,
+        path: str,
+        value: Optional[Value] = None,
+        number: str = "",
+        reduction: str = "",
     ) -> None:
         """Adds a service of a property, or of a `number` that a reduction makes of it."""
         detail = value.mapping(path) if value is not None and value.data is not None else {}
