@@ -18,6 +18,7 @@ from shsa_core.files.readers import Keys
 from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.settings import Settings as HealingSettings
 from shsa_core.language.functions import CALLS, STATEFUL
+from shsa_core.language.temporal import OPERATORS
 from shsa_core.model.checks import LEARNED, REGISTRY, Checks, Limit
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
@@ -93,6 +94,12 @@ def functions() -> str:
         for name, each in CALLS.items()
     ]
     return table(("function", "what", "memory"), [*rows, ("`dt`", "s since the last one", "")])
+
+
+def operators() -> str:
+    """The operators of formulas."""
+    rows = [(code(f"{name}({takes})"), tells) for name, (takes, tells) in OPERATORS.items()]
+    return table(("operator", "true if"), rows)
 
 
 def kinds() -> str:
@@ -188,7 +195,7 @@ PARTS: Dict[str, Callable[[], str]] = {
     **{
         each.__name__: each
         for each in (
-            *(basics, som_checks, functions, kinds, transitions, injected, parameters),
+            *(basics, som_checks, operators, functions, kinds, transitions, injected, parameters),
             *(launch_files, messages, commands, paper),
         )
     },

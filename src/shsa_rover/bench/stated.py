@@ -1,6 +1,6 @@
 """The error that the monitor states of a substitute, second by second after the loss."""
 from dataclasses import dataclass, replace
-from typing import Dict, List, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -37,11 +37,12 @@ class Stated:
     wide: float
 
 
-class _Robot:
-    """The monitor, and what it tells of a plan's calibration."""
+class Robot:
+    """The monitor, and what it tells of calibrations: in all `rows`, and of a plan."""
 
-    def __init__(self, som: Som, ontology: Ontology, plan: Plan) -> None:
-        self._core, self._plan = Monitor(ontology=ontology), plan
+    def __init__(self, som: Som, ontology: Ontology, plan: Optional[Plan] = None) -> None:
+        self._core, self._program = Monitor(ontology=ontology), plan and plan.program
+        self.rows: List[events.CalibrationRow] = []
         self.calibration = UNCALIBRATED
         self.hear(events.SomChanged(START_S, som))
         for service in som:
@@ -51,8 +52,14 @@ class _Robot:
         """Let the monitor handle an event."""
         for said in self._core.handle(event):
             for row in said.rows if isinstance(said, events.CalibrationsChanged) else ():
-                if row.program == self._plan.program:
+                self.rows.append(row)
+                if row.program == self._program:
                     (self.calibration,) = row.calibrations
+
+    def say(self, time: float, service: Service, node: str, values: Sequence[float]) -> None:
+        """Let a node say the values of a service."""
+        self.hear(events.Message(time, service.topic, node, tuple(values)))
+        self.hear(events.Tick(time))
 
     def lose(self, time: float, service: Service) -> None:
         """Lose the node of a service: a substitute takes its place."""
@@ -84,9 +91,9 @@ def stated(
         if now < lost_at:
             continue
         if each.name != service.name:
-            _say(robot, START_S + now, each, each.node, values)
+            robot.say(START_S + now, each, each.node, values)
         elif np.isfinite(values[0]):
-            _say(robot, START_S + now, each, SUBSTITUTE, values)
+            robot.say(START_S + now, each, SUBSTITUTE, values)
             off = abs(values[0] - float(data.truth[LOST][round(now / PERIOD_S)]))
             error = robot.calibration.error
             found.append((now, off, np.nan if error is None else error.p95 or np.nan))
@@ -125,22 +132,17 @@ def _rms(errors: np.ndarray) -> float:
 
 def _until(
     data: Dataset, models: Tuple[Ontology, Som], plan: Plan, lost_at: float
-) -> Tuple[_Robot, Service, Som]:
+) -> Tuple[Robot, Service, Som]:
     """Let the monitor hear a drive until the loss; return it, what is lost, and the SOM."""
     ontology, som = models
     service = next(each for each in slower(som) if LOST in each.properties)
     # What is compared with others comes after them: at 50 Hz it is 0.02 s behind, not 0.1 s.
     som = Som([*(each for each in slower(som) if each.name != service.name), service])
-    robot = _Robot(som, ontology, plan)
+    robot = Robot(som, ontology, plan)
     before = replace(data, time=data.time[: round(lost_at / PERIOD_S)])
     for now, each, values in messages(before, som):
-        _say(robot, START_S + now, each, each.node, values)
+        robot.say(START_S + now, each, each.node, values)
     return robot, service, som
-
-
-def _say(robot: _Robot, time: float, service: Service, node: str, values: Sequence[float]) -> None:
-    robot.hear(events.Message(time, service.topic, node, tuple(values)))
-    robot.hear(events.Tick(time))
 
 
 def _counted_on(data: Dataset, published: np.ndarray, row: int) -> Dataset:

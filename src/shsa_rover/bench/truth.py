@@ -25,7 +25,7 @@ MODELS = Path(__file__).resolve().parents[1] / "ontology"
 FIRST_SEED = 20000  # no relation was learned from a drive of such a seed
 P95_GOAL, LAG_GOAL, COVERED_GOAL = 0.3, 0.05, (0.93, 0.97)
 WORST_GOAL, CHANGED_GOAL, REGRET_GOAL, DRIFT_GOAL = 0.9, 0.85, 1.2, 1.2
-RANKED_SECONDS = 120.0
+RANKED_SECONDS = 180.0
 LOST_AT, CHANGED_S, DRIFT_S = 0.5, 20.0, 150.0
 """The share of a drive at which the sensor is lost, s after which the world changes, and s before
 for which the sensor drifts."""

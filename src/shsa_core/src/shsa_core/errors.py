@@ -67,6 +67,7 @@ class NoSubstitute(ShsaError):
         missing: the properties without which every derivation ended.
         tried: how many substitutes there are, but have failed already.
         lost: those of the properties that nothing derives; unsaid: all.
+        refused: why the best that is available is not used.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class NoSubstitute(ShsaError):
         missing: Sequence[str],
         tried: int = 0,
         lost: Sequence[str] = (),
+        refused: str = "",
     ) -> None:
         wanted = ", ".join(properties)
         lacking = listed(missing) or "any relation that yields it"
@@ -82,9 +84,10 @@ class NoSubstitute(ShsaError):
         self.in_the_way = tuple(lost) if len(lost) < len(properties) else ()
         if self.in_the_way:
             why = f"{listed(self.in_the_way)} cannot be derived, {why}"
-        super().__init__(f"no substitute for {wanted}: {why}")
+        super().__init__(f"no substitute for {wanted}: {refused or why}")
         self.properties = tuple(properties)
         self.missing = tuple(missing)
+        self.refused = refused
 
 
 def listed(names: Sequence[str], most: int = LISTED) -> str:

@@ -36,7 +36,7 @@ SERVICE: Dict[str, Any] = {
     "period": 0.1,
     "provides": {"v": {"field": "data"}},
 }
-OF_VALUE = ("field", "range", "quality", "error")
+OF_VALUE = ("field", "range", "quality", "error", "fault_tolerant_error")
 
 
 def write(tmp_path: pathlib.Path, text: str) -> str:

@@ -1,13 +1,14 @@
 """The choice of a derivation where errors are known."""
 from dataclasses import replace
 from itertools import islice
-from typing import Any, List, Sequence, Tuple
+from typing import Any, List, Mapping, Sequence, Tuple
 
 import pytest
 from test_prediction import law, models, sensor
 
 from shsa_core.codegen import choice
 from shsa_core.codegen.choice import MOST, joined
+from shsa_core.codegen.generator import way
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import NoSubstitute
@@ -22,12 +23,22 @@ X, Z = sensor("x", None), sensor("z", None)
 
 
 def plans(
-    ontology: Ontology, *sources: Source, lost: Service = LOST.service, method: str = "best"
+    ontology: Ontology,
+    *sources: Source,
+    lost: Service = LOST.service,
+    method: str = "best",
+    measured: Mapping[str, Error] = {},
 ) -> List[Plan]:
-    """All plans for a lost service, in the order in which they would be tried."""
+    """All plans for a lost service, in the order in which they would be tried.
+
+    `measured`: the errors of those by one relation that were measured.
+    """
     som = [*lost.sources, *sources]
     found: List[Plan] = []
     knows = predictor(ontology, som)
+    if measured and knows is not None:
+        ways = {each.relations[0]: way(each.derivations[0]) for each in plans(ontology, *sources)}
+        knows = knows.knowing({ways[name]: error for name, error in measured.items()})
     table = SourceTable(ontology.network, som)
     try:
         while True:
@@ -38,11 +49,10 @@ def plans(
         return found
 
 
-def order(ontology: Ontology, *sources: Source) -> List[str]:
+def order(ontology: Ontology, *sources: Source, **more: Any) -> List[str]:
     """By which relation or service each plan is."""
-    return [
-        (each.relations or [s.path for s in each.inputs])[0] for each in plans(ontology, *sources)
-    ]
+    found = plans(ontology, *sources, **more)
+    return [(each.relations or [s.path for s in each.inputs])[0] for each in found]
 
 
 def test_the_smallest_error_is_the_best_whatever_the_quality() -> None:
@@ -59,14 +69,78 @@ def test_the_smallest_error_is_the_best_whatever_the_quality() -> None:
     assert [each.errors for each in plans(without, X, Z)] == [(None,), (None,)]
 
 
-def test_an_error_that_is_known_comes_before_one_that_is_not_and_harm_comes_last() -> None:
+def test_an_error_that_is_known_comes_before_one_that_is_not_and_harm_is_not_used() -> None:
     ontology = models(
         law("y", "x", quality=0.99, name="a_promise"),
         law("y", "2*x", Error(3.0, baseline=2.0), name="harmful"),
         law("y", "3*x", Error(1.9, baseline=2.0), name="poor"),
         law("y", "4*x", quality=0.9, name="lesser_promise"),
     )
-    assert order(ontology, X) == ["poor", "a_promise", "lesser_promise", "harmful"]
+    assert order(ontology, X) == ["poor", "a_promise", "lesser_promise"]
+    harmful = models(law("y", "2*x", Error(3.0, baseline=2.0), name="harmful"))
+    knows = predictor(harmful, [X])
+    with pytest.raises(NoSubstitute, match=r"y by harmful: its error of 3 \(rms\) is not below"):
+        plan_service(harmful, LOST.service, SourceTable(harmful.network, [X]), predictor=knows)
+
+
+THREE = models(
+    law("y", "x", Error(0.1), name="first"),
+    law("y", "2*x", Error(0.2), name="second"),
+    law("y", "3*x", Error(0.3), name="third"),
+)
+
+
+@pytest.mark.parametrize(
+    "measured, expected",
+    [
+        ({"first": 0.5, "second": 0.2}, ["second", "first", "third"]),
+        ({"first": 0.5, "third": 0.2}, ["third", "second", "first"]),
+        ({"first": 0.5}, ["first", "second", "third"]),  # of the others it is not known
+        ({"first": 0.5, "second": 0.45}, ["first", "second", "third"]),  # that is not clear
+        ({"first": 0.5, "second": 0.45, "third": 0.35}, ["third", "first", "second"]),
+    ],
+)
+def test_errors_that_were_measured_count_before_those_predicted(
+    measured: Mapping[str, float], expected: List[str]
+) -> None:
+    errors = {name: Error(rms, n=100) for name, rms in measured.items()}
+    assert order(THREE, X, measured=errors) == expected
+    found = {each.relations[0]: each.errors[0] for each in plans(THREE, X, measured=errors)}
+    for name, error in errors.items():
+        assert found[name] == error
+
+
+def limited(limit: float) -> Service:
+    (value,) = LOST.service.provides
+    return replace(LOST.service, provides=(replace(value, fault_tolerant_error=limit),))
+
+
+def test_what_errs_more_than_is_tolerated_is_not_used_and_it_is_said_why() -> None:
+    unknown = law("y", "4*x", quality=0.9, name="promise")
+    ontology = replace(THREE, functions=(*THREE.functions, unknown))
+    assert order(ontology, X, lost=limited(0.4)) == ["first", "second", "promise"]
+    assert order(ontology, X, lost=limited(0.1)) == ["promise"], "its error is not known"
+    assert order(THREE, X, lost=limited(0.1)) == []
+    table, knows = SourceTable(THREE.network, [X]), predictor(THREE, [X])
+    with pytest.raises(NoSubstitute) as none:
+        plan_service(THREE, limited(0.1), table, predictor=knows)
+    why = "y by first: its error of 0.196 (p95) is above fault_tolerant_error, 0.1"
+    assert str(none.value) == f"no substitute for y: {why}"
+    assert none.value.refused == why and none.value.missing == ()
+    # What was measured counts.
+    measured = {"first": Error(0.5, p95=0.9), "third": Error(0.01, p95=0.02)}
+    assert order(THREE, X, lost=limited(0.1), measured=measured) == ["third"]
+
+
+def test_one_value_that_errs_too_much_stands_in_the_way_of_all() -> None:
+    provides = (Provision("y", "y", fault_tolerant_error=0.3), Provision("w", "w"))
+    lost = Service("both", "/both", "pkg/Type", "/n", 0.1, provides)
+    ontology = models(
+        *(law("y", f"{i}*x", Error(0.1 * i), name=f"y{i}") for i in (1, 2, 3)),
+        *(law("w", f"{i}*z", Error(5.0), name=f"w{i}") for i in range(30)),
+    )
+    assert len(plans(ontology, X, Z, lost=lost)) == 30
+    assert {each.relations[0] for each in plans(ontology, X, Z, lost=lost)} == {"y1"}
 
 
 def test_another_sensor_without_figures_is_compared_by_its_quality() -> None:

@@ -4,7 +4,7 @@ from typing import Optional
 
 import pytest
 
-from shsa_core.codegen.generator import generate
+from shsa_core.codegen.generator import generate, way, ways_of
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
 from shsa_core.language.expression import parse_constraint, parse_law
@@ -174,6 +174,21 @@ def test_the_same_derivation_gives_the_same_text() -> None:
     assert len({build() for _ in range(20)}) == 1
 
 
+def test_a_program_tells_by_what_way_each_output_is_derived() -> None:
+    double, triple = function("double", "b", "2*a"), function("triple", "b", "3*a")
+    ways = [way(derive(each, source(a))) for each in (double, triple) for a in ("a", "z")]
+    assert len({*ways, way(source("a"))}) == 5
+    both = derive(double, source("a")), derive(triple, source("a"))
+    program = generate([(each, f"/{i}/z") for i, each in enumerate(both)], {})
+    assert ways_of(program) == (ways[0], ways[2])
+    alone = generate([(derive(double, source("a", "/a")), "/other/z")], {})
+    assert ways_of(alone) == (ways[0],), "whatever else is computed, and wherever it goes"
+    fixed = generate([(derive(function("fixed", "b", "1")), "/b/z"), (source("a"), "/c/z")], {})
+    assert ways_of(fixed)[1] == "/a/data"
+    for other in ("", "y=t7", "t1=_tf1(t0)\ny=t1", "o = x[0]; return o"):
+        assert not set(ways) & set(ways_of(Program(("/a/data",), other, ("/b/z",))))
+
+
 def test_a_long_chain_and_a_wide_one() -> None:
     node = source("p0")
     for i in range(1, 500):
@@ -198,7 +213,7 @@ def test_a_ladder_of_shared_derivations_is_linear() -> None:
         right = derive(function(f"r{i}", "c", "a - 0"), node)
         node = derive(function(f"m{i}", "a", "(b + c)/2"), left, right)
     program = generate([(node, "/a/x")], {})
-    assert program.code.count("def ") == 180
+    assert program.code.count("def ") == 180 and ways_of(program) == (way(node),)
     assert compile_program(program.code, 1, 1).step((3.0,), 0.0) == (3.0,)
 
 
@@ -218,5 +233,6 @@ def test_random_trees_compute_what_their_expressions_say() -> None:
         outputs = choice.sample(known, 2)
         program = generate([(node, f"/{i}/z") for i, (node, _) in enumerate(outputs)], {})
         step = compile_program(program.code, len(program.inputs), 2).step
+        assert ways_of(program) == tuple(way(node) for node, _ in outputs)
         inputs_now = [values[path.split("/")[1]] for path in program.inputs]
         assert step(inputs_now, 0.0) == pytest.approx(tuple(value for _, value in outputs))

@@ -5,17 +5,21 @@ from typing import Any, List, Tuple
 import pytest
 from shsa_msgs.msg import Calibrations
 
-from core_robot import A, ONTOLOGY, SOM, Robot, last_incident, only, service
+from core_robot import A, ONTOLOGY, SOM, Robot, function, last_incident, only, service
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
+from shsa_core.healing.events import Log
+from shsa_core.healing.incident import State
 from shsa_core.healing.planner import Calibrated
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.planner import Planner
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
-from shsa_core.model.service import Signal
+from shsa_core.model.log import Level
+from shsa_core.model.ontology import Ontology, Property
+from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.monitoring.events import CalibrationRow
@@ -124,6 +128,114 @@ def test_a_program_of_which_nothing_was_told_is_as_it_is() -> None:
     robot.handle(events.CalibrationsHeard(5.0, (row,)))
     robot.fail("/a", A, 10.0)
     assert calibrated(robot) == (1.0, 0.0)
+
+
+X, Y = "/x_node", "/y_node"
+PAIR = Service(
+    "p", "/p", "pkg/Type", "/p_node", 0.02, (Provision("u", "u"), Provision("v", "v")), needed=True
+)
+LAWS = ["ux: u by 2*x", "uy: u by 3*y", "vx: v by 4*x", "vy: v by 5*y"]
+
+
+def pair(*outputs: Provision) -> Robot:
+    """Two values, each by two laws with known errors; the first is the best of both."""
+    functions = []
+    for number, law in enumerate(LAWS):
+        name, output, text = law.replace(":", "").replace(" by", "").split()
+        each = function(name, output, text, 0.9)
+        functions.append(replace(each, error=Error(0.1 * (number % 2 + 1), baseline=9.0)))
+    properties = {name: Property(name) for name in "uvxy"}
+    lost = replace(PAIR, provides=outputs or PAIR.provides)
+    som = Som([lost, service("x", X), service("y", Y)])
+    return Robot(som, Ontology(properties, {}, functions))
+
+
+def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 100) -> Program:
+    """The monitor tells by what the best plan without a node errs; returns its program."""
+    planner = robot.core.robot.planner
+    plan = plan_service(
+        planner.ontology,
+        planner.som.services["p"],
+        planner.plans.sources,
+        ("/p_node", without),
+        predictor=planner.predictor,
+    )
+    found = [Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n)) for rms in errors]
+    row = CalibrationRow("p", plan.program, tuple(found))
+    robot.handle(events.CalibrationsHeard(time, (row,)))
+    robot.idle(time)
+    return plan.program
+
+
+def chosen(robot: Robot) -> Tuple[str, ...]:
+    return robot.core.robot.planner.ahead(robot.som.services["p"]).relations
+
+
+def test_what_was_measured_decides_value_by_value_and_its_calibrations_come_along() -> None:
+    robot = pair()
+    assert chosen(robot) == ("ux", "vx")
+    measured(robot, 5.0, Y, 0.5, 0.1)
+    assert chosen(robot) == ("ux", "vx"), "of the others nothing is known"
+    measured(robot, 6.0, X, 0.3, 0.4)
+    assert chosen(robot) == ("uy", "vx")
+    robot.fail("/p", "/p_node", 10.0)
+    (row,) = robot.working()
+    assert [(each.gain, each.offset) for each in row.outputs] == [(1.1, 0.3), (1.1, 0.1)]
+    assert [each.error.rms for each in row.outputs if each.error] == [0.3, 0.1]
+
+
+def test_small_changes_and_few_samples_change_no_plan() -> None:
+    robot = pair()
+    measured(robot, 5.0, Y, 0.5, 0.1)
+    measured(robot, 6.0, X, 0.3, 0.4, n=10)
+    assert chosen(robot) == ("ux", "vx")
+    measured(robot, 7.0, X, 0.45, 0.4)
+    assert chosen(robot) == ("ux", "vx"), "that is not clear"
+    measured(robot, 8.0, X, 0.39, 0.4)
+    assert chosen(robot) == ("ux", "vx"), "nor has it changed much"
+    measured(robot, 9.0, X, 0.3, 0.4)
+    assert chosen(robot) == ("uy", "vx")
+
+
+def test_what_is_measured_while_it_is_healed_counts_later() -> None:
+    robot = pair()
+    measured(robot, 5.0, Y, 0.5, 0.1)
+    robot.fail("/p", "/p_node", 10.0)
+    program = measured(robot, 11.0, X, 0.3, 0.4)
+    assert chosen(robot) == ("ux", "vx")
+    robot = pair()
+    measured(robot, 5.0, Y, 0.5, 0.1)
+    assert measured(robot, 6.0, X, 0.3, 0.4) == program
+    robot.handle(events.CalibrationsHeard(7.0, (), (("p", program),)))
+    robot.core.robot.planner.plans.drop("p")
+    robot.idle(7.0)
+    assert chosen(robot) == ("ux", "vx"), "it is followed no more"
+
+
+@pytest.mark.parametrize("standby", [Standby.COLD, Standby.HOT])
+def test_a_substitute_that_errs_too_much_is_not_used_and_the_incident_says_why(
+    standby: Standby,
+) -> None:
+    strict = replace(PAIR.provides[0], fault_tolerant_error=0.1), PAIR.provides[1]
+    robot = pair(*strict)
+    commands = robot.fail("/p", "/p_node", 10.0)
+    incident = last_incident(commands)
+    assert incident.state is State.UNHEALED and incident.missing == ()
+    why = "u by ux: its error of 0.196 (p95) is above fault_tolerant_error, 0.1"
+    told = f"/p cannot be healed now: no substitute for u, v: {why}."
+    assert incident.detail == told and robot.working() == []
+    assert Log(Level.ERROR, told) in commands
+
+
+def test_an_error_that_was_measured_lets_a_substitute_be_used_or_not() -> None:
+    strict = replace(PAIR.provides[0], fault_tolerant_error=0.3), PAIR.provides[1]
+    robot = pair(*strict)
+    assert chosen(robot) == ("ux", "vx")
+    measured(robot, 5.0, Y, 0.5, 0.1)
+    with pytest.raises(ShsaError, match="u by ux: its error of 1 "):
+        chosen(robot)
+    robot.fail("/p", "/p_node", 10.0)
+    assert robot.working() == []
 
 
 def test_a_service_that_is_not_to_be_calibrated_is_not() -> None:

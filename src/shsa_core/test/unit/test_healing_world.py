@@ -501,3 +501,25 @@ def test_an_outage_has_a_beginning_and_an_end() -> None:
     assert incident.outage is None
     assert replace(incident, first_message=10.5).outage == pytest.approx(0.52)
     assert replace(incident, first_message=10.5, last_good=None).outage is None
+
+
+def test_an_outage_begins_with_the_last_good_message_of_the_substitute() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    robot.fail("/b", B, 20.0)
+    robot.fail("/c", C, 20.2)
+    robot.row("/b", B, "healthy", 20.3)
+    robot.table(20.3)
+    (node,) = [row.node for row in robot.working()]
+    robot.row("/a", node, "healthy", 20.5, first=20.5)
+    told = last_incident(robot.table(20.6))
+    assert told.state is State.HEALED and told.outage == pytest.approx(0.3)
+
+
+def test_the_failure_of_what_is_not_needed_is_said_once() -> None:
+    robot = Robot()
+    told = robot.fail("/b", B, 10.0)
+    robot.row("/b", B, "failed", 10.0)
+    told += robot.table(10.02)
+    texts = [each.text for each in told if isinstance(each, events.Log)]
+    assert [text for text in texts if "nothing is done" in text] == texts and len(texts) == 1

@@ -1,6 +1,8 @@
 """Each check of messages: found when on, silent when off, healthy again when over."""
 from math import nan
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional
+
+import pytest
 
 from monitor_bench import (
     NODE,
@@ -10,6 +12,7 @@ from monitor_bench import (
     Bench,
     message_checks,
     provision,
+    row,
     service,
     with_value_checks,
 )
@@ -29,7 +32,7 @@ from shsa_core.model.checks import (
     UnknownPublisher,
 )
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import checked_provisions, checks_header
 
 OF_VALUES = ("not_a_number", "out_of_range", "stuck", "jump")
@@ -339,6 +342,72 @@ def test_what_is_not_usual_is_told_once_and_is_no_failure() -> None:
         assert str(health.condition) == "doubtful" and "is -0.35" in health.detail
     bench.stream(20, "/odometry_n", 0.1, "/odometry")
     assert bench.rows["/odometry", "/odometry_n"].detail == ""
+
+
+def test_what_is_not_usual_again_and_again_is_told_once_of_each_value() -> None:
+    bench = backwards(range=None, usual=(-0.2, 0.5))
+    for number in range(5):
+        bench.stream(20, "/odometry_n", 0.1, "/odometry")
+        bench.stream(20, "/odometry_n", -0.3 - 0.01 * number, "/odometry")
+    assert len(bench.told) == 3
+
+
+def fed(*names: str, **changes: Any) -> Bench:
+    """A chain of services, each computed from the one before; all do well."""
+    chain = [
+        service(provision(property=each), name=each, topic="/" + each, node=f"/{each}_n", **more)
+        for each, more in zip(names, [{}, *({"derived_from": (name,)} for name in names)])
+    ]
+    bench = Bench(*chain)
+    for each in chain:
+        bench.connect(each.node, each.topic)
+    feed(bench, *names)
+    return bench
+
+
+def feed(bench: Bench, *names: str, value: Optional[float] = None, count: int = 100) -> None:
+    """Stream a value, else noise, on topics at the same time, the last one first."""
+    for number in range(count):
+        bench.wait(PERIOD)
+        for name in reversed(names):
+            given = 1.0 + 1e-3 * (number * 5 % 11) if value is None else value
+            bench.message(given, f"/{name}_n", "/" + name)
+
+
+@pytest.mark.parametrize("value, kind", [(nan, "not_a_number"), (99.0, "out_of_range")])
+def test_who_passes_on_what_is_wrong_is_not_blamed(value: float, kind: str) -> None:
+    bench = fed("imu", "filtered", "slow")
+    feed(bench, "imu", "filtered", "slow", value=value)
+    assert bench.kinds() == [("/imu_n", kind)]
+    assert "what it is computed from is wrong" in bench.rows["/slow", "/slow_n"].detail
+    feed(bench, "imu", "filtered", "slow")
+    feed(bench, "slow", value=value, count=5)
+    assert bench.kinds()[1:] == [("/slow_n", kind)]
+
+
+def test_who_passes_on_what_comes_too_seldom_is_not_blamed() -> None:
+    bench = fed("imu", "filtered")
+    for _ in range(60):
+        bench.wait(2 * PERIOD)
+        bench.message(1.0, "/filtered_n", "/filtered")
+        bench.message(1.0, "/imu_n", "/imu")
+    assert bench.kinds() == [("/imu_n", "rate_low")]
+
+
+def test_who_passes_on_what_a_substitute_holds_is_not_stuck() -> None:
+    bench = fed("imu", "filtered")
+    feed(bench, "imu", "filtered", count=500)
+    bench.disconnect("/imu_n", "/imu")
+    bench.connect("/substitute_1", "/imu")
+    bench.send(
+        SubstitutionsChanged(bench.now, (row("/substitute_1", True, "/imu", service="imu"),))
+    )
+    for _ in range(400):
+        bench.wait(PERIOD)
+        bench.message(1.0045, "/substitute_1", "/imu")
+        bench.message(1.0045, "/filtered_n", "/filtered")
+    assert bench.kinds() == [("/imu_n", "node_gone")]
+    assert "a substitute publishes" in bench.rows["/filtered", "/filtered_n"].detail
 
 
 def test_several_nodes_out_of_range_at_once_accuse_the_som_or_the_world() -> None:

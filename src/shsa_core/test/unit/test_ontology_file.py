@@ -5,10 +5,14 @@ from typing import Any
 import pytest
 
 from shsa_core.analysis.check import check_model
+from shsa_core.codegen.plans import plan_service
+from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.model.ontology import Constant, Property
 from shsa_core.model.error import Error
 from shsa_core.files.ontology_file import load_ontology, read_ontology
+from shsa_core.model.service import Provision, Service
+from shsa_core.search.derivation import SourceTable
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 
@@ -292,3 +296,75 @@ def test_the_quality_of_what_has_figures_is_theirs_unless_it_says_another(
     assert one.error == two.error == Error(0.6, -0.1, 1.1, 0.04, 2.4, 9, "drive 1")
     assert (one.quality, two.quality) == (0.75, 0.5)
     assert (three.error, three.quality) == (Error(0.6), 1.0)
+
+
+WHEELS = """\
+properties: {left: , right: , speed: , turn: , radius: , odd: }
+constants: {base: {value: 0.5}}
+relations:
+  kinematics:
+    where:
+      l: radius*left
+      r: radius*right
+      difference: r - l
+    speed: (l + r)/2
+    turn: {function: difference/base, quality: 0.9}
+    odd: {function: 3*l, where: {l: 2*right}}
+"""
+
+
+def test_the_outputs_of_a_relation_share_values_on_the_way(tmp_path: pathlib.Path) -> None:
+    ontology = read_ontology(write(tmp_path, WHEELS))
+    speed, turn, odd = ontology.functions
+    assert (speed.relation, speed.output, speed.text) == (
+        *("kinematics", "speed"),
+        "l = radius*left; r = radius*right; (l + r)/2",
+    )
+    assert turn.text == "l = radius*left; r = radius*right; difference = r - l; difference/base"
+    assert turn.inputs == ("radius", "left", "right") and turn.quality == 0.9
+    assert odd.text == "l = 2*right; 3*l"  # its own counts more
+
+
+def test_one_relation_heals_all_values_of_a_service(tmp_path: pathlib.Path) -> None:
+    ontology = read_ontology(write(tmp_path, WHEELS))
+    pairs = [(name, f"/{name}", f"/{name}_node") for name in ("left", "right", "radius")]
+    sources = [
+        source
+        for name, topic, node in pairs
+        for source in Service(name, topic, "p/T", node, 0.1, (Provision(name, "data"),)).sources
+    ]
+    lost = Service(
+        "odometry", "/odom", "p/T", "/drive", 0.1, (Provision("speed", "v"), Provision("turn", "w"))
+    )
+    plan = plan_service(ontology, lost, SourceTable(ontology.network, sources))
+    assert plan.relations == ("kinematics",)
+    program = compile_program(plan.program.code, 3, 2)
+    values = {"left": 3.0, "right": 5.0, "radius": 0.1}
+    found = program.step([values[source.property] for source in plan.inputs], 0.0)
+    assert found == pytest.approx((0.4, 0.4))
+
+
+@pytest.mark.parametrize(
+    "old, new, line, what",
+    [
+        ("r: radius*right", "r: radius*", 7, "kinematics: where: r: not an expression"),
+        ("difference: r - l", "difference: d - l", 10, "uses 'd', which is neither"),
+        ("r: radius*right", "base: radius*right", 9, "uses 'r', which is neither"),
+        ("difference: r - l", "speed: r - l", 10, "uses 'difference', which is neither"),
+        ("    where:\n      l: radius*left\n", "    where: [l]\n    x:\n", 5, "must be a mapping"),
+        ("difference: r - l", "l: r - l", 8, "stands here a second time"),
+    ],
+)
+def test_what_is_wrong_with_them_is_named(
+    tmp_path: pathlib.Path, old: str, new: str, line: int, what: str
+) -> None:
+    path = write(tmp_path, WHEELS.replace(old, new))
+    with pytest.raises(ModelError) as caught:
+        read_ontology(path)
+    assert f"{path}:{line}: " in str(caught.value) and what in str(caught.value)
+
+
+def test_a_property_may_be_called_where(tmp_path: pathlib.Path) -> None:
+    text = "properties: {where: , a: }\nrelations: {r: {where: 2*a}}\n"
+    (function,) = read_ontology(write(tmp_path, text)).functions
+    assert (function.output, function.text) == ("where", "2*a")

@@ -64,6 +64,16 @@ def test_witnesses_by_the_known_errors() -> None:
     assert som_of(som_parameters(som)) == som
 
 
+def test_the_error_that_users_of_a_value_tolerate() -> None:
+    key = "fault_tolerant_error"
+    som = som_of(changed(key, 0.5))
+    assert som.sources[0].provision.fault_tolerant_error == 0.5
+    assert som_of(som_parameters(som)) == som
+    for wrong in (0.0, -1.0, "much", True, [0.5], float("nan")):
+        with pytest.raises(ModelError, match="fault_tolerant_error must be "):
+            som_of(changed(key, wrong))
+
+
 def test_what_is_computed_from_a_service_is_left_out_with_it() -> None:
     tree = from_parameters(changed("derived_from", ["odometry", "/scan"]), "som")
     som, errors = read_tree(tree, "/robot")

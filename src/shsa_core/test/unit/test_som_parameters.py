@@ -82,8 +82,11 @@ def test_parameters_make_a_range_only_wider_than_in_the_file(good: Som) -> None:
     assert som == wider and "only the SOM file can make it narrower" in errors[0].what
     value["range"] = [-5.0, 60.0]
     assert merge_parameters(good, tree, current=wider) == (good, [])
-    value["checks"] = {"jump": 1.0}
-    assert "in the SOM file alone" in merge_parameters(good, tree)[1][0].what
+    for key, changed_ in {"checks": {"jump": 1.0}, "fault_tolerant_error": 2.0}.items():
+        value[key] = changed_
+        told = f"{key} of battery_current can be changed in the SOM file alone"
+        assert merge_parameters(good, tree)[1][0].what == told
+        del value[key]
 
 
 def test_small_steps_never_lead_to_less_than_the_file_allows(good: Som) -> None:

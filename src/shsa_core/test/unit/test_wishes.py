@@ -32,12 +32,12 @@ def test_a_preferred_relation_comes_first_unless_it_does_harm() -> None:
         law("y", "3*x", Error(2.5, baseline=2.0), name="harmful"),
         law("y", "4*x", name="unknown"),
     )
-    assert order(ontology, X) == ["best", "poor", "unknown", "harmful"]
-    assert order(ontology, X, prefer=["poor"]) == ["poor", "best", "unknown", "harmful"]
-    assert order(ontology, X, prefer=["unknown"]) == ["unknown", "best", "poor", "harmful"]
-    assert order(ontology, X, prefer=["harmful"]) == ["best", "poor", "unknown", "harmful"]
+    assert order(ontology, X) == ["best", "poor", "unknown"]
+    assert order(ontology, X, prefer=["poor"]) == ["poor", "best", "unknown"]
+    assert order(ontology, X, prefer=["unknown"]) == ["unknown", "best", "poor"]
+    assert order(ontology, X, prefer=["harmful"]) == ["best", "poor", "unknown"]
     both = order(ontology, X, prefer=["unknown", "poor"])
-    assert both == ["poor", "unknown", "best", "harmful"]  # among themselves as ever
+    assert both == ["poor", "unknown", "best"]  # among themselves as ever
 
 
 def test_without_figures_the_others_stay_in_their_order() -> None:

@@ -30,6 +30,7 @@ REMEDIES: Dict[Kind, str] = {
     Kind.FUTURE_STAMP: "set the clocks, or say `checks: {future_stamp: false}`",
     Kind.FRAME: "say `checks: {frame: false}` if its frames change",
     Kind.LENGTH: "say `checks: {length: false}` if its arrays get shorter",
+    Kind.FORMULA: "allow in the `formula` what was seen",
     Kind.NEVER_PUBLISHED: "start it sooner, or give `startup_grace`",
 }
 

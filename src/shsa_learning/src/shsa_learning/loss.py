@@ -32,6 +32,11 @@ class Loss(NamedTuple):
         """The relations that its substitute should be computed by."""
         return () if self.source is None else self.source.service.prefer
 
+    @property
+    def limit(self) -> Optional[float]:
+        """Return what the error of its substitute must be within; None: that is not said."""
+        return None if self.source is None else self.source.provision.fault_tolerant_error
+
     def apart(self, unavoided: Collection[str] = ()) -> "Loss":
         """Return the loss without what shares a cause with the lost service, or is to be avoided.
 
@@ -75,7 +80,7 @@ def ranked(
     ontology: Ontology, loss: Loss, predictor: Optional[Predictor]
 ) -> Iterator[Tuple[Substitute, Optional[Error]]]:
     """Yield every substitute of a lost property, best first; those by avoided sources last."""
-    question = loss.name, predictor, loss.prefer
+    question = loss.name, predictor, loss.prefer, loss.limit
     first = True
     for each in substitutes(ontology, loss.available, *question):
         first = False

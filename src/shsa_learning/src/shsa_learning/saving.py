@@ -63,7 +63,7 @@ def _update_relations(
             for output, function in directions.items()
             if old.get((name, output)) != function
         }
-        _update(section[name], directions, changed)
+        _update(section[name], [*directions, "where"], changed)  # what others of it share stays
 
 
 def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:

@@ -19,6 +19,7 @@ from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.model.som import Som
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_learning.explain.searched import search_again
@@ -184,6 +185,18 @@ def test_what_could_not_be_used_has_its_reasons() -> None:
     assert search.answer.startswith("Nothing would do: no substitute for current")
     with pytest.raises(ShsaError, match="the SOM has no service other"):
         search_again(ontology, som, replace(INCIDENT, service="other"))
+
+
+def test_what_erred_too_much_could_not_be_used() -> None:
+    ontology, som = read_ontology(MODELS[1]), read_som(MODELS[3])
+    known = [replace(f, error=Error(0.5, p95=0.9)) for f in ontology.functions]
+    service = som.services["current"]
+    strict = replace(service.provides[0], fault_tolerant_error=0.01)
+    som = Som([replace(s, provides=(strict,)) if s == service else s for s in som])
+    unhealed = replace(INCIDENT, code="", inputs=())
+    search = search_again(replace(ontology, functions=known), som, unhealed)
+    (fit,) = [each for each in search.properties[0].found if each.relations == ("fit",)]
+    assert fit.why_not == ("its error of 0.9 (p95) is above fault_tolerant_error, 0.01",)
 
 
 def test_where_nothing_stood_in_that_is_said() -> None:

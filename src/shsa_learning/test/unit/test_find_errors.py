@@ -1,7 +1,7 @@
 """`shsa find` where errors are known."""
 import json
 import pathlib
-from typing import Any, Callable, Dict
+from typing import Any, Callable, Dict, Tuple
 
 import pytest
 
@@ -80,3 +80,32 @@ def test_all_substitutes_and_alternatives_come_by_their_errors(shsa: Shsa) -> No
         "y  low: 3*x  (quality 0.5, error 0.2)",
         "  x  measured by /x at /x/d  (quality 1, error 0.05)",
     ]
+
+
+def test_what_errs_too_much_is_not_used_and_it_is_said_why(
+    shsa: Shsa, tmp_path: pathlib.Path, capsys: Any
+) -> None:
+    def run(limit: float, *arguments: str) -> Tuple[int, str]:
+        strict = SOM.replace("{field: y}", f"{{field: y, fault_tolerant_error: {limit}}}")
+        (tmp_path / "strict.yaml").write_text(strict)
+        ontology, strict_som = str(tmp_path / "o.yaml"), str(tmp_path / "strict.yaml")
+        models = ["--ontology", ontology, "--som", strict_som]
+        if arguments[0] == "check":
+            models = [ontology, "--som", strict_som]
+        return main([*arguments, *models]), capsys.readouterr().out
+
+    why = "y by low: its error of 0.392 (p95) is above fault_tolerant_error, 0.3"
+    status, text = run(0.3, "find", "y")
+    assert status == 1 and f"Nothing that can be used replaces y: {why}" in text
+    status, text = run(0.3, "find", "odom", "--json")
+    answer = json.loads(text)
+    assert status == 1 and answer["substitute"] is None and answer["refused"] == why
+    status, text = run(0.3, "check")
+    assert f"there is no substitute for y, w: {why}" in text
+    status, text = run(0.5, "find", "y", "--explain", "--json")
+    (other,) = json.loads(text)["alternatives"]
+    assert status == 0 and other["not_used"].startswith("its error of 0.8 (p95) is above")
+    _, text = run(0.5, "find", "y", "--explain")
+    assert "(not used: its error of 0.8 (p95) is above fault_tolerant_error, 0.5)" in text
+    status, text = run(0.3, "report", "--json")
+    assert why in text

@@ -307,3 +307,13 @@ def test_what_is_too_large_for_code_is_lost() -> None:
     report = analyse(ontology(*chain), som)
     assert report.services[0].quality is None and "r1199" in report.services[0].refused
     assert [cut.nodes for cut in report.cuts] == [("/node_of_p0",)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_the_som_leaves_open_what_is_needed_all_of_it_is_reported(seed: int) -> None:
+    robot, som = random_robot(seed)
+    marked = lambda needed: Som(dataclasses.replace(each, needed=needed) for each in som)
+    left_open, needed = analyse(robot, marked(None)), analyse(robot, marked(True))
+    assert [each.service for each in left_open.services] == [each.name for each in som]
+    assert left_open.nodes == needed.nodes and left_open.cuts == needed.cuts
+    assert analyse(robot, marked(False)).services == ()

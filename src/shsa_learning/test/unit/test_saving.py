@@ -346,3 +346,17 @@ def test_any_ontology_survives(
     fewer = change(ontology, functions=functions[1:])
     save_ontology(fewer, path)
     assert read_ontology(path) == fewer
+
+
+def test_what_the_outputs_of_a_relation_share_stays(tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "o.yaml"
+    path.write_text(
+        "properties: {a: , b: , c: }\n"
+        "relations:\n  r:\n    where: {s: 2*c}  # shared\n    a: s + 1\n    b: s + 2\n"
+    )
+    ontology = read_ontology(str(path))
+    first, second = ontology.functions
+    changed = change(ontology, functions=(replace(first, quality=0.5), second))
+    save_ontology(changed, str(path))
+    assert read_ontology(str(path)) == changed
+    assert "where: {s: 2*c}  # shared\n" in path.read_text()

@@ -35,7 +35,7 @@ def cut_sets(ontology: Ontology, som: Som, node: str) -> Cuts:
     fragility = Fragility(ontology, som)
     left = fragility.after([node])
     found: Cuts = {}
-    for service in som.needed():
+    for service in som.may_be_needed():
         before = set(fragility.names(fragility.bits(service.properties)))
         if node in before:
             found.setdefault((node,), []).append(service.name)

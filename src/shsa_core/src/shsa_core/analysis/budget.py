@@ -10,7 +10,7 @@ from typing import Iterator, List
 from shsa_core.analysis.finding import Finding
 from shsa_core.healing.settings import EXIT_TIMEOUT_S, Settings
 from shsa_core.model.checks import RateHigh, RateLow, Stuck
-from shsa_core.model.samples import StampSample, ValueSample
+from shsa_core.model.samples import FormulaSample, StampSample, ValueSample
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -40,7 +40,7 @@ class Budget:
 
 def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
     """Report the needed services that are healed later than they may be, with the sums."""
-    for service in som.needed():
+    for service in som.may_be_needed():
         tolerated = service.fault_tolerant_time
         if tolerated is None or service.policy is Policy.ADVISE:
             continue
@@ -73,7 +73,7 @@ def budgets(service: Service, settings: Settings) -> List[Budget]:
             if isinstance(check, RateLow):
                 window /= check.limit
             found.append(Budget(check.kind, window, reaction))
-        elif check.sample in (ValueSample, StampSample):
+        elif check.sample in (ValueSample, StampSample, FormulaSample):
             waits = check.limit if isinstance(check, Stuck) else 0.0
             found.append(Budget(check.kind, waits + several, reaction))
     return list(dict.fromkeys(found))

@@ -41,7 +41,7 @@ class _Schedule:
     def __init__(self, som: Som, takeovers: Takeovers, settings: Settings, own: str) -> None:
         self._som, self._settings = som, settings
         self._reads: Dict[str, List[Service]] = {}  # by whoever has a substitute
-        for service in som.needed():
+        for service in som.may_be_needed():
             if service.policy.substitutes:
                 try:
                     reads = takeovers.of(service).inputs
@@ -88,7 +88,8 @@ class _Schedule:
         self._placed = before
 
     def _of(self, standby: Standby) -> List[Service]:
-        return [s for s in self._som.needed() if s.standby is standby and s.name in self._reads]
+        placed = (each for each in self._som.may_be_needed() if each.name in self._reads)
+        return [each for each in placed if each.standby is standby]
 
     def _place(self, service: Service) -> Iterator[str]:
         """Place a substitute; yield why it is not where it should be."""
@@ -111,6 +112,6 @@ class _Schedule:
 def _by_node(som: Som) -> Iterable[Tuple[Service, ...]]:
     """Group the needed services by node."""
     nodes: Dict[str, List[Service]] = {}
-    for service in som.needed():
+    for service in som.may_be_needed():
         nodes.setdefault(service.node, []).append(service)
     return map(tuple, nodes.values())

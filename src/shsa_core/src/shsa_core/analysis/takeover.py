@@ -59,9 +59,8 @@ class Takeovers:
         if lost and self._all_executable and not part(service, names):
             missing = {name for number in lost for name in self._best.missing(number, ratings)}
             raise NoSubstitute(service.properties, sorted(missing), lost=names)
-        if (
-            not lost and self.predictor is None and not service.prefer
-        ):  # else the best may be of another quality
+        by_quality = self.predictor is None and not service.prefer
+        if not lost and by_quality:  # else the best may be of another quality
             rated = rate_joint([each for each in map(ratings.rated, numbers) if each is not None])
             plan = make_plan(self._ontology, service.name, service.sources, rated, True, None)
             if isinstance(plan, Plan):

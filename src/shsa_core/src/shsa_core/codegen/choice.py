@@ -1,10 +1,21 @@
 """Orders derivations: by what is preferred, by expected error where it is known, by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
-from typing import Collection, Iterable, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import (
+    Collection,
+    Iterable,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+)
 
 from shsa_core.codegen.prediction import Predictor
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Source
 from shsa_core.model.network import Network
@@ -17,8 +28,10 @@ MOST = 64
 """The most derivations of a property that are compared."""
 MOST_PARTS = 256
 """The most parts that they may have together: healing waits for the answer."""
-KNOWN, UNKNOWN, HARMFUL = range(3)
-"""A known error comes before one that is not. One above that of the mean comes last."""
+MARGIN = 0.2
+"""By this share an error that was measured must be smaller than another one to come before it."""
+KNOWN, UNKNOWN = range(2)
+"""A known error comes before one that is not."""
 
 
 Listing = Iterator[Tuple[Rated, bool]]
@@ -32,19 +45,26 @@ def listing(
     usable: Optional[Usable],
     predictor: Optional[Predictor],
     prefer: Collection[str] = (),
+    limits: Sequence[Optional[float]] = (),
+    refused: bool = False,
 ) -> Listing:
-    """Yield every joint derivation: by expected error, then by quality, or by quality alone.
+    """Yield every joint derivation: by its errors, then by quality, or by quality alone.
 
-    Those by the relations to `prefer` come first, save what errs more than the mean.
+    Those by the relations to `prefer` come first. `limits` of the errors follow the properties. Of
+    those that are compared, what is not used by its error comes last if it is asked for as
+    `refused`, or where there is nothing else.
     """
     numbers = [network.number(name) for name in properties]
     number_of = (predictor or Predictor(EMPTY, ())).number
     given: Set[int] = set()
     if predictor is not None or prefer:
-        parts = [compare(network, table, usable, number, predictor, prefer) for number in numbers]
-        complete = all(each.complete for each in parts)
-        for places in joined([len(each.rated) for each in parts]):
-            rated = rate_joint([each.rated[i] for each, i in zip(parts, places)])
+        question = network, table, usable
+        pairs = zip_longest(numbers, limits)
+        compared = [compare(*question, number, predictor, prefer, limit) for number, limit in pairs]
+        complete = all(each.complete for each in compared)
+        parts = [e.rated if refused else e.rated[: max(e.used, 1)] for e in compared]
+        for places in joined([len(each) for each in parts]):
+            rated = rate_joint([each[i] for each, i in zip(parts, places)])
             given.add(number_of(rated.derivation))
             yield rated, complete
         if complete:
@@ -55,10 +75,14 @@ def listing(
 
 
 class Compared(NamedTuple):
-    """Derivations of a property, best first; `complete`: there are no others."""
+    """Derivations of a property, best first; `complete`: there are no others.
+
+    `used`: so many of them may be used by their errors.
+    """
 
     rated: Sequence[Rated]
     complete: bool
+    used: int
 
 
 def compare(
@@ -68,6 +92,7 @@ def compare(
     number: int,
     predictor: Optional[Predictor],
     prefer: Collection[str] = (),
+    limit: Optional[float] = None,
 ) -> Compared:
     """Compare derivations of a property by what is preferred, and by their errors.
 
@@ -91,10 +116,10 @@ def compare(
     order = list(range(len(parts)))
     if predictor is not None:
         errors = predictor.of(derivations)
-        order = ordered(derivations, errors, predictor)
-    wished = set(prefer)
-    order.sort(key=lambda i: wished.isdisjoint(derivations[i].relations()) or _harms(errors[i]))
-    return Compared([parts[i] for i in order], complete)
+        order = ordered(derivations, predictor)
+    wished, refused = set(prefer), [bool(refusal(error, limit)) for error in errors]
+    order.sort(key=lambda i: (refused[i], wished.isdisjoint(derivations[i].relations())))
+    return Compared([parts[i] for i in order], complete, refused.count(False))
 
 
 def substitutes(
@@ -103,15 +128,16 @@ def substitutes(
     target: str,
     predictor: Optional[Predictor] = None,
     prefer: Collection[str] = (),
+    limit: Optional[float] = None,
 ) -> Iterator[Tuple[Substitute, Optional[Error]]]:
     """Yield every substitute of the property `target`, best first, and its expected error.
 
-    `sources`: what may be used. Relations that cannot be executed count as well. `prefer` as in
-    `listing`.
+    `sources`: what may be used. Relations that cannot be executed count as well, and last of all
+    what is not used by its error. `prefer` and the `limit` of the error as in `listing`.
     """
     network = ontology.network
     table = SourceTable(network, sources)
-    found = listing(network, table, [target], None, predictor, prefer)
+    found = listing(network, table, [target], None, predictor, prefer, [limit], refused=True)
     for place, (rated, best) in enumerate(found):
         (derivation,) = rated.derivation.inputs
         error = None if predictor is None else predictor.of([derivation])[0]
@@ -119,19 +145,35 @@ def substitutes(
         yield Substitute(derivation, quality, proven_best=best and place == 0), error
 
 
-def ordered(
-    derivations: Sequence[Derivation], errors: Sequence[Optional[Error]], predictor: Predictor
-) -> List[int]:
-    """Return the places of some derivations of a property, best first; they come by quality."""
-    return sorted(
-        range(len(derivations)), key=lambda i: (_rank(derivations[i], errors[i], predictor), i)
-    )
+def ordered(derivations: Sequence[Derivation], predictor: Predictor) -> List[int]:
+    """Return the places of some derivations of a property, best first; they come by quality.
+
+    Expected errors order them. Those whose error was measured then change places among themselves.
+    """
+    expected = zip(derivations, predictor.expected(derivations))
+    ranks = [_rank(each, error, predictor) for each, error in expected]
+    order = sorted(range(len(ranks)), key=lambda i: (ranks[i], i))
+    found = ((i, predictor.measured(derivations[i])) for i in order)
+    measured = {i: error.rms for i, error in found if error is not None}
+    by_measure = iter(_clearly_sorted(measured))
+    return [next(by_measure) if i in measured else i for i in order]
+
+
+def _clearly_sorted(errors: Mapping[int, float]) -> List[int]:
+    """Return the keys of some errors, the smallest first; they stay where that is not clear."""
+    found: List[int] = []
+    for i, error in errors.items():
+        place = len(found)
+        while place and error < (1.0 - MARGIN) * errors[found[place - 1]]:
+            place -= 1
+        found.insert(place, i)
+    return found
 
 
 def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
 ) -> Tuple[int, float, float]:
-    """Return what orders a derivation: the group, the share of the baseline, the error.
+    """Return what orders a derivation: the group, the share of the baseline, the expected error.
 
     Another service of the property is a measurement of unknown error: it is compared by its
     quality, not put behind every relation that has figures.
@@ -140,13 +182,7 @@ def _rank(
     if error is None:
         source = derivation.source
         return (UNKNOWN, 0.0, 0.0) if source is None else (KNOWN, 1.0 - source.quality, 0.0)
-    if _harms(error):
-        return HARMFUL, 0.0, error.rms
     return KNOWN, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
-
-
-def _harms(error: Optional[Error]) -> bool:
-    return error is not None and error.baseline is not None and error.rms >= error.baseline
 
 
 def joined(counts: Sequence[int]) -> Iterator[Tuple[int, ...]]:

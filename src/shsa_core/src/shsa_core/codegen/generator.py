@@ -1,4 +1,7 @@
 """Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
+import re
+from functools import lru_cache
+from hashlib import sha1
 from typing import Dict, List, Mapping, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
@@ -9,6 +12,9 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
+
+_DEFINITION = re.compile(r"def (\w+)\(.*\): # (.+)")
+_RESULT = re.compile(r"(\w+)=(?:(\w+)?\((.*)\)|(\w+))")
 
 
 def generate(
@@ -46,6 +52,44 @@ def generate(
         names = list(dict.fromkeys(n.function.relation for n in nodes if n.function))
         raise GenerationError(f"no code for the relations {listed(names)}: {error}") from error
     return Program(tuple(path for path, _ in inputs), code, tuple(path for _, path in derivations))
+
+
+def way(derivation: Derivation) -> str:
+    """Return the same text for derivations by the same relations of the same values."""
+    ways: Dict[Derivation, str] = {}
+    for node in in_order([derivation]):
+        function = node.function
+        if node.source is not None:
+            ways[node] = node.source.path
+        elif function is not None:
+            ways[node] = _way(_title(function), [ways[each] for each in node.inputs])
+    return ways[derivation]
+
+
+@lru_cache(maxsize=1000)
+def ways_of(program: Program) -> Tuple[str, ...]:
+    """Return the `way` of each output of a generated program; nothing if it is another one."""
+    ways = {f"t{i}": path for i, path in enumerate(program.inputs)}
+    titles: Dict[str, str] = {}
+    for line in program.code.splitlines():
+        definition, result = _DEFINITION.match(line), _RESULT.fullmatch(line)
+        if definition is not None:
+            titles[definition[1]] = definition[2]
+        elif result is not None:
+            names = [name for name in (result[3] or result[4] or "").split(",") if name]
+            inputs = [ways.get(name, "") for name in names]
+            if result[1] == "y":
+                return tuple(inputs)
+            ways[result[1]] = _way(titles.get(result[2], ""), inputs)
+    return ()
+
+
+def _way(title: str, inputs: Sequence[str]) -> str:
+    return sha1(f"{title} of {inputs}".encode()).hexdigest()
+
+
+def _title(function: TransferFunction) -> str:
+    return f"{function.relation}: {function.output}"
 
 
 def generate_function(function: TransferFunction, constants: Mapping[str, Constant]) -> Program:
@@ -111,9 +155,7 @@ def _definition(
             f"{function.text}"
         )
     parameters = {prop: f"i{i}" for i, prop in enumerate(function.inputs, 1)}
-    lines = [
-        f"def {name}({','.join(parameters.values())}): # {function.relation}: {function.output}"
-    ]
+    lines = [f"def {name}({','.join(parameters.values())}): # {_title(function)}"]
 
     def known(part: Union[Law, Condition]) -> Dict[str, str]:
         return {n: parameters.get(n) or _number(constants[n].value) for n in part.names}

@@ -11,7 +11,7 @@ from shsa_core.codegen.choice import Listing, listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError, listed
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, refusal
 from shsa_core.model.field import reduces
 from shsa_core.model.kinds import Others
 from shsa_core.model.network import Network
@@ -164,13 +164,16 @@ def plan_sources(
         raise ModelError("method", f"{method!r} is not known; allowed are {', '.join(METHODS)}")
     network, properties = ontology.network, [source.property for source in outputs]
     prefer = outputs[0].service.prefer
+    limits = [source.provision.fault_tolerant_error for source in outputs]
     refused: Optional[GenerationError] = None
+    too_wrong = ""
     failed = set()
     most = len(tried) + REFUSED_AT_MOST
     numbers = [network.number(name) for name in properties]
     for usable, whole in nearest(network, table, numbers, network.executable, steps):
         question = network, table, properties, usable
-        for found in (_listing(*question, method, predictor, prefer), _smallest_first(*question)):
+        wanted = method, predictor, prefer, limits
+        for found in (_listing(*question, *wanted), _smallest_first(*question)):
             looked_at = 0
             for rated, proven in islice(found, most):
                 looked_at += 1
@@ -178,6 +181,8 @@ def plan_sources(
                 plan = make_plan(ontology, service, outputs, rated, proven, predictor)
                 if isinstance(plan, GenerationError):
                     refused = refused or plan
+                elif _too_wrong(plan):
+                    too_wrong = too_wrong or _too_wrong(plan)
                 elif plan not in tried:
                     return plan
                 else:
@@ -188,7 +193,19 @@ def plan_sources(
         raise refused
     if failed:
         raise NoSubstitute(properties, (), tried=len(failed))
+    if too_wrong:
+        raise NoSubstitute(properties, (), refused=too_wrong)
     raise _nothing(ontology, table, properties, outputs)
+
+
+def _too_wrong(plan: Plan) -> str:
+    """Return why a plan is not used by its errors, in words; empty: it may be."""
+    for source, derivation, error in zip(plan.outputs, plan.derivations, plan.errors):
+        why = refusal(error, source.provision.fault_tolerant_error)
+        if why:
+            by = listed(derivation.relations()) or "the same property elsewhere"
+            return f"{source.property} by {by}: {why}"
+    return ""
 
 
 def make_plan(
@@ -262,11 +279,12 @@ def _listing(
     method: str,
     predictor: Optional[Predictor],
     prefer: Collection[str],
+    limits: Sequence[Optional[float]],
 ) -> Listing:
     """Yield joint derivations: the best by `method`, then all, best first."""
     numbers = [network.number(name) for name in properties]
     if method == "best" and (predictor is not None or prefer):
-        yield from listing(network, table, properties, usable, predictor, prefer)
+        yield from listing(network, table, properties, usable, predictor, prefer, limits)
         return
     if method == "best":  # much faster than to rank all
         best = BestDerivations(network, table, usable)

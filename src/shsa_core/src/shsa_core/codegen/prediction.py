@@ -4,16 +4,16 @@ By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
 before it is squared, biases as well. docs/explanation/errors.md has the assumptions.
 """
+from copy import copy
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
 from random import Random
 from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.generator import generate_function, in_order
+from shsa_core.codegen.generator import generate_function, in_order, way
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
-from shsa_core.model.error import Error
-from shsa_core.model.growth import P95
+from shsa_core.model.error import P95, Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
@@ -81,6 +81,7 @@ class Predictor:
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
         self._parts: Dict[int, Optional[_Part]] = {}  # by such a number
         self._values: Dict[int, Optional[Values]] = {}
+        self._measured: Mapping[str, Error] = {}
         for function in ontology.functions:
             self._take_baseline(function.output, function.error)
         for source in sources:
@@ -99,7 +100,23 @@ class Predictor:
         """Return the RMS error of always saying the mean of a property; None: not known."""
         return self._baselines.get(name)
 
+    def knowing(self, measured: Mapping[str, Error]) -> "Predictor":
+        """Return it with errors that were `measured`, by the `way` of a derivation: they count."""
+        found = copy(self)
+        found._measured = measured
+        return found
+
+    def measured(self, derivation: Derivation) -> Optional[Error]:
+        """Return the error of a derivation that was measured; None: it was not."""
+        found = self._measured.get(way(derivation)) if self._measured else None
+        return found and replace(found, baseline=self.baseline(derivation.property))
+
     def of(self, derivations: Sequence[Derivation]) -> List[Optional[Error]]:
+        """Return the error of each derivation as measured, else as expected; None: not known."""
+        expected = zip(derivations, self.expected(derivations))
+        return [self.measured(each) or error for each, error in expected]
+
+    def expected(self, derivations: Sequence[Derivation]) -> List[Optional[Error]]:
         """Return the expected error of each derivation, in its property's unit; None: not known."""
         if len(self._numbers) > REMEMBERED:
             self._numbers.clear()
@@ -132,8 +149,8 @@ class Predictor:
         baseline = self.baseline(derivation.property)
         if part.told is not None:
             told = part.told
-            p95 = P95 * told.rms if told.p95 is None else told.p95
-            return replace(told, p95=p95, delay=part.delay, baseline=told.baseline or baseline)
+            baseline = told.baseline or baseline
+            return replace(told, p95=told.within, delay=part.delay, baseline=baseline)
         rms = sqrt(_mean(part.squares()))
         if isnan(rms):
             return None

@@ -34,7 +34,8 @@ from shsa_core.files.readers import (
 )
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
-from shsa_core.model.checks import REGISTRY, Check, Checks, Limit, default_checks
+from shsa_core.language.temporal import parse_formula
+from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, default_checks
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
@@ -102,7 +103,9 @@ FUNCTION: Keys = {
     "quality": _quality,
     "error": _known_error,
     "where": expert(
-        Reader("mapping", _steps), "names for values on the way, and their expressions, in order"
+        Reader("mapping", _steps),
+        "names for values on the way, and their expressions, in order; as an entry of the relation "
+        "itself, for all that it yields",
     ),
     "not_executable": expert(
         text, "instead of function: a text that is no expression, and becomes no code"
@@ -115,6 +118,8 @@ FUNCTION: Keys = {
 
 
 def _check(kind: Type[Check]) -> Key:
+    if kind is Formula:
+        return expert(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
     words: Dict[Union[bool, str], Optional[Limit]] = {False: None, True: kind.usual}
     form, highest = "false, true or a number above 0", HIGHEST
     if kind.usual is True:
@@ -159,6 +164,9 @@ VALUE: Keys = {
     "usual": basic(interval, "what it usually is; outside, people are warned"),
     "quality": _quality,
     "error": _known_error,
+    "fault_tolerant_error": expert(
+        positive, "what 95 % of a substitute's error must be within, in the property's unit"
+    ),
     "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
     "calibrate": expert(flag, "learn gain and offset of its substitutes while the sensor works"),
 }

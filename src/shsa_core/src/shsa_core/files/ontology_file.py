@@ -1,6 +1,6 @@
 """Reads the ontology file (docs/reference/ontology.md describes it)."""
 from functools import partial
-from typing import Callable, Dict, List, Optional, Tuple
+from typing import Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
@@ -75,11 +75,15 @@ class _Reader:
         """Add an entry of `relations`, in all its directions."""
         if not is_name(relation):
             raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
-        directions = outputs.mapping(f"the relation {relation}")
+        directions = dict(outputs.mapping(f"the relation {relation}"))
+        shared: Dict[str, Expression] = {}
+        if "where" in directions and "where" not in self.properties:
+            where = directions.pop("where")
+            shared = FUNCTION["where"].reader.read(where, f"{relation}: where")
         if not directions:
             raise outputs.error(f"the relation {relation} has no output")
         for output, value in directions.items():
-            self.collect(partial(self._add_function, relation, output, value))
+            self.collect(partial(self._add_function, relation, output, value, shared))
 
     def _check_name(self, name: str, value: Value, kind: str) -> None:
         if not is_name(name):
@@ -87,7 +91,9 @@ class _Reader:
         if name in self.properties or name in self.constants:
             raise value.error(f"the name '{name}' is both a property and a constant")
 
-    def _add_function(self, relation: str, output: str, value: Value) -> None:
+    def _add_function(
+        self, relation: str, output: str, value: Value, shared: Mapping[str, Expression]
+    ) -> None:
         what = f"{relation} for {output}"
         if output not in self.properties:
             kind = "is a constant" if output in self.constants else "is not in 'properties'"
@@ -107,7 +113,9 @@ class _Reader:
         law: Optional[Law] = None
         if "function" in given:
             where = entry.mapping(what).get("where", value)
-            law = self._law(what, given["function"], given.get("where", {}), where)
+            own = given.get("where", {})
+            steps = {**_used(shared, [given["function"], *own.values()]), **own}
+            law = self._law(what, given["function"], steps, where)
             names += law.names
         names += constraint.names if constraint else ()
         self._check_inputs(names, relation, output, value)
@@ -146,3 +154,11 @@ class _Reader:
                     f"the relation {relation} uses '{name}', "
                     "which is neither in 'properties' nor in 'constants'"
                 )
+
+
+def _used(steps: Mapping[str, Expression], by: Iterable[Expression]) -> Dict[str, Expression]:
+    """Return those of some steps, in order, that expressions use, be it through one another."""
+    names = {name for each in by for name in each.names}
+    for name in reversed(list(steps)):
+        names.update(steps[name].names if name in names else ())
+    return {name: step for name, step in steps.items() if name in names}

@@ -179,6 +179,7 @@ def _service(
     service = Service(name=name, where=value.where, **given)
     if service.event_driven:
         _check_event_driven(service, entry)
+    _check_formula(service, entry)
     _check_last_resort(service, entry)
     _check_hosts(service, entry, hosts)
     return service
@@ -215,6 +216,14 @@ def _check_event_driven(service: Service, entry: Entry) -> None:
     for key in ("deadline", "bridge"):
         if getattr(service, key):
             raise entry[key].error(f"an event-driven topic (period: none) has no {key}")
+
+
+def _check_formula(service: Service, entry: Entry) -> None:
+    for name in [name for each in service.checks.formulas for name in each.parsed.names]:
+        if name not in service.properties:
+            formula = entry["checks"].mapping("checks")["formula"]
+            known = ", ".join(service.properties)
+            raise formula.error(f"formula uses {name}, but the service provides {known} alone")
 
 
 def _check_last_resort(service: Service, entry: Entry) -> None:
@@ -283,9 +292,9 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     provisions = {each.property: each for each in service.provides}
     for before in old.provides:
         now = provisions[before.property]
-        if (now.checks, now.error) != (before.checks, before.error):
-            what = "checks" if now.checks != before.checks else "error"
-            raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
+        for what in ("checks", "error", "fault_tolerant_error"):
+            if getattr(now, what) != getattr(before, what):
+                raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
         if not is_within(before.range, now.range):
             raise entry.error(f"range of {now.property}: only the SOM file can make it narrower")
     if (service.period or inf) < (old.period or inf):

@@ -51,9 +51,9 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
     if not service.needed:
-        row = robot.health.row((topic, publisher))
-        if not told and row is not None and row.state is PublisherState.FAILED:
+        if not told and not robot.health.note(event):
             return []  # said when the table told it
+        core.unsettle([name, *core.concerned(topic, publisher)])
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
     # A node that is asked about does well, and so does a substitute that tells of its law.

@@ -421,6 +421,7 @@ class Reconfigurator:
                 known.leave(name, program)
         healing = {row.service: self._core.incident(row.service) is not None for row in event.rows}
         counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
+        self.robot.planner.replan()
         names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
         return self._core.ask_all(names, lambda each: [])
 

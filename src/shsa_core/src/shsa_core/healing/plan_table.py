@@ -26,7 +26,7 @@ class PlanTable:
     `change` says which services there are and drops the answers that this may change; `step` makes
     one of those anew, and is called while nothing else is to do. A plan that is in the table is the
     one that a search would give now; an error tells that there is none, though more may be missing
-    by now. `sources` has what may be used; `predictor` gives who predicts errors.
+    by now. `sources` has what may be used; `predictor` gives who predicts errors of a service.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class PlanTable:
         ontology: Ontology,
         needed: Iterable[Service],
         method: str,
-        predictor: Callable[[], Optional[Predictor]] = lambda: None,
+        predictor: Callable[[str], Optional[Predictor]] = lambda service: None,
     ) -> None:
         self.sources = SourceTable(ontology.network)
         self._ontology = ontology
@@ -74,7 +74,7 @@ class PlanTable:
 
     def forget(self, name: str) -> None:
         """Make no more plans for a service."""
-        self._drop(name)
+        self.drop(name)
         self._stale.pop(name, None)
         old = self._needed.pop(name, None)
         for property_ in old.properties if old else ():
@@ -92,14 +92,14 @@ class PlanTable:
                 self.sources.add(source)
         for service in gone:
             for name in sorted(self._readers.get(service.name, ())):
-                self._drop(name)
+                self.drop(name)
         for name in self._improved(come):
-            self._drop(name)
+            self.drop(name)
         self._gone.update({service.name: (self._moment, service) for service in gone})
         for service in come:
             if service.name in self._answers:
                 if self.to_avoid(service.name) != self._avoided[service.name]:
-                    self._drop(service.name)
+                    self.drop(service.name)
 
     def step(self) -> Optional[str]:
         """Make one answer anew. Returns its service, None if all are there."""
@@ -109,7 +109,7 @@ class PlanTable:
         del self._stale[name]
         avoided = self.to_avoid(name)
         try:
-            service, predictor = self._needed[name], self._predictor()
+            service, predictor = self._needed[name], self._predictor(name)
             question = self._ontology, service, self.sources, avoided, self._method
             plan = plan_service(*question, predictor=predictor)
         except ShsaError as error:
@@ -172,7 +172,8 @@ class PlanTable:
                     stack.append(output)
         return list(found)
 
-    def _drop(self, name: str) -> None:
+    def drop(self, name: str) -> None:
+        """Make the answer for a service anew, if there is one."""
         answer = self._answers.pop(name, None)
         self._made.pop(name, None)
         if answer is not None:

@@ -1,7 +1,9 @@
 """Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
-from typing import Collection, Dict, List, Optional, Sequence, Tuple
+from typing import Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
+from shsa_core.codegen.choice import MARGIN
+from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
@@ -23,15 +25,31 @@ class Calibrations:
     """The newest calibration of every program that may substitute a service.
 
     While a service is being healed they stay as they were at the failure, but for their errors.
+    `replan`: the services for which another plan may be best by them now.
     """
 
     def __init__(self) -> None:
+        self.replan: Set[str] = set()
+        self._measured: Dict[str, Dict[str, Error]] = {}
         self._known: Dict[str, Dict[Program, Calibrated]] = {}
         self._later: Dict[str, Dict[Program, Calibrated]] = {}
 
     def of(self, service: str, program: Program) -> Calibrated:
-        """Return the calibration of each output of a program; empty: none is known."""
-        return self._known.get(service, {}).get(program, ())
+        """Return the calibration of each output of a program; empty: none is known.
+
+        If it is not followed itself, those are taken that do the same in other programs.
+        """
+        known = self._known.get(service, {})
+        if program in known:
+            return known[program]
+        pairs = (pair for each, found in known.items() for pair in zip(ways_of(each), found))
+        by_way, ways = dict(pairs), ways_of(program)
+        found = tuple(by_way.get(way, UNCALIBRATED) for way in ways)
+        return found if any(way in by_way for way in ways) else ()
+
+    def measured(self, service: str) -> Mapping[str, Error]:
+        """Return what derivations of a service's values have erred by, by their `way`."""
+        return self._measured.get(service, {})
 
     def add(self, row: CalibrationRow, healing: bool) -> bool:
         """Note what the monitor tells; `healing`: of a service that is healed. True: it counts."""
@@ -41,6 +59,7 @@ class Calibrations:
             return False
         if not healing:
             self._known.setdefault(row.service, {})[row.program] = row.calibrations
+            self._measure(row)
             return True
         self._later.setdefault(row.service, {})[row.program] = row.calibrations
         known = self.of(row.service, row.program)
@@ -49,9 +68,22 @@ class Calibrations:
         self._known.setdefault(row.service, {})[row.program] = frozen
         return frozen != known
 
+    def _measure(self, row: CalibrationRow) -> None:
+        """Note what is measured, where it changes much: plans are not to change all the time."""
+        measured = self._measured.setdefault(row.service, {})
+        for way, error in zip(ways_of(row.program), (each.error for each in row.calibrations)):
+            if error is None or (error.n or 0) < ENOUGH:
+                continue
+            former = measured.get(way)
+            if former is None or abs(error.rms - former.rms) > MARGIN * former.rms:
+                measured[way] = error
+                self.replan.add(row.service)
+
     def leave(self, service: str, program: Program) -> None:
         """The monitor follows a program no more."""
         self._known.get(service, {}).pop(program, None)
+        for way in ways_of(program):
+            self._measured.get(service, {}).pop(way, None)
 
     def recall(self, service: str, program: Program, outputs: Sequence[Signal]) -> None:
         """Note how a former reconfigurator has calibrated a program."""
@@ -66,6 +98,7 @@ class Calibrations:
         """There is no such service any more."""
         self._known.pop(service, None)
         self._later.pop(service, None)
+        self._measured.pop(service, None)
 
 
 def _samples(calibrations: Calibrated) -> int:
@@ -101,7 +134,7 @@ class Planner:
         """Plan by these models from now on."""
         self.ontology, self.som, self._predicts_for = ontology, som, None
         method = self._method
-        self.plans = PlanTable(ontology, som.needed(), method, lambda: self.predictor)
+        self.plans = PlanTable(ontology, som.needed(), method, self.predictor_of)
         self.plans.change((), self._availability.services.values())
 
     @property
@@ -111,6 +144,16 @@ class Planner:
             self._predicts_for = self.som
             self._predictor = predictor(self.ontology, self.som.sources)
         return self._predictor
+
+    def predictor_of(self, service: str) -> Optional[Predictor]:
+        """Return who predicts errors of a service's values: those that were measured come first."""
+        found, measured = self.predictor, self.calibrations.measured(service)
+        return found.knowing(measured) if found is not None and measured else found
+
+    def replan(self) -> None:
+        """Plan ahead anew where another plan may be best by what was measured."""
+        while self.calibrations.replan:
+            self.plans.drop(self.calibrations.replan.pop())
 
     def plan(self, service: Service, tried: Collection[Plan], faulty: str) -> Plan:
         """Return the best plan for a service whose node `faulty` has failed, but for those tried.
@@ -158,7 +201,7 @@ class Planner:
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
         question = self.ontology, service, self.plans.sources, excluded, self._method, tried
-        return plan_service(*question, self.predictor, STEPS)
+        return plan_service(*question, self.predictor_of(service.name), STEPS)
 
     def ahead(self, service: Service) -> Plan:
         """Return the best plan for the case that a service's node fails. Raises ShsaError."""
@@ -169,7 +212,7 @@ class Planner:
         publishers = {row.publisher for row in self._health.originals(self.som, service)}
         excluded = {service.node, *publishers, *self._health.excluded, *without}
         question = self.ontology, service, self.plans.sources, excluded, method or self._method
-        return plan_service(*question, predictor=self.predictor)
+        return plan_service(*question, predictor=self.predictor_of(service.name))
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
         """Tell that all that a plan reads is available, from the nodes that it was made for."""

@@ -209,7 +209,8 @@ def idle(service: ServiceMachine) -> bool:
 def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     """Set a process to work on a plan."""
     spec, robot, substitute = service.spec, service.robot, service.substitute
-    state, first_message = service.incident.state, service.incident.first_message
+    incident = service.incident
+    state, first_message, last_good = incident.state, incident.first_message, incident.last_good
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
@@ -225,15 +226,24 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     state = State.HEALED
     if not publishes:
         service.timers[Trigger.LATE] = robot.time + substitute.patience
-        state, first_message = State.HEALING, None
+        state, first_message, last_good = State.HEALING, None, ends_at(service)
     return commands + service.step(
         state=state,
         first_message=first_message,
+        last_good=last_good,
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,
         **carried_out(service, plan),
     )
+
+
+def ends_at(service: ServiceMachine) -> Optional[float]:
+    """Return when the last good message came: now, if the substitute published until now."""
+    incident, first = service.incident, service.incident.first_message
+    last = incident.last_good
+    publishes = first is not None and (last is None or last < first)
+    return service.robot.time if publishes and incident.state is State.HEALED else last
 
 
 def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, object]:
@@ -305,9 +315,14 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
     if words and not waits:
         commands.append(RunCommand(spec.name, words))
     commands.append(Log(Level.ERROR, text))
-    shown = carried_out(service, plan)
     return commands + service.step(
-        state=state, detail=text, missing=missing, substitute=service.node, **shown
+        state=state,
+        first_message=None,
+        last_good=ends_at(service),
+        detail=text,
+        missing=missing,
+        substitute=service.node,
+        **carried_out(service, plan),
     )
 
 

@@ -72,6 +72,12 @@ def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
     Raises ExpressionError unless it is a number made of numbers, names and the fixed functions, or,
     with `condition`, a condition made of those.
     """
+    text = cleaned(text)
+    return text, check_tree(syntax_tree(text), condition)
+
+
+def cleaned(text: str) -> str:
+    """Return the text with single spaces. Raises ExpressionError if it is too long or foreign."""
     text = " ".join(text.split())
     if not text:
         raise ExpressionError("the expression is empty")
@@ -85,7 +91,7 @@ def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
             f"character {foreign.group()!a} at position {foreign.start() + 1} "
             f"is not part of the language; allowed: {_LANGUAGE}"
         )
-    return text, check_tree(syntax_tree(text), condition)
+    return text
 
 
 def syntax_tree(text: str) -> ast.expr:

@@ -8,9 +8,11 @@ from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
 
+from shsa_core.language import temporal
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import (
     FormSample,
+    FormulaSample,
     IntruderSample,
     OF_VALUE,
     RateSample,
@@ -203,6 +205,27 @@ class Length(Check):
         return f"{sample.name} has {found} elements, and had {usual}"
 
 
+@dataclass(frozen=True)
+class Formula(Check):
+    """Its limit is the text of a formula, see `language/temporal`."""
+
+    kind, sample, default, usual = Kind.FORMULA, FormulaSample, None, None
+    tells = "the formula over its values is false, see [Formulas](#formulas)"
+
+    limit: str  # type: ignore[assignment]
+
+    @property
+    def parsed(self) -> temporal.Formula:
+        """The formula."""
+        return temporal.parse_formula(self.limit)
+
+    def judge(self, sample: FormulaSample) -> Optional[str]:
+        if sample.holds is not False:
+            return None
+        seen = ", ".join(f"{name} is {value:g}" for name, value in sample.values)
+        return f"{self.limit} does not hold: {seen}"
+
+
 class UnknownPublisher(Check):
     kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
     tells = (
@@ -217,23 +240,22 @@ class UnknownPublisher(Check):
         return f"{seen}, neither the SOM nor a substitution names it"
 
 
-REGISTRY: Dict[str, Type[Check]] = {
-    each.kind.value: each
-    for each in (
-        NotANumber,
-        OutOfRange,
-        Stuck,
-        Jump,
-        Witness,
-        RateHigh,
-        RateLow,
-        StaleStamp,
-        FutureStamp,
-        Frame,
-        Length,
-        UnknownPublisher,
-    )
-}
+_ALL: Tuple[Type[Check], ...] = (
+    NotANumber,
+    OutOfRange,
+    Stuck,
+    Jump,
+    Witness,
+    RateHigh,
+    RateLow,
+    StaleStamp,
+    FutureStamp,
+    Frame,
+    Length,
+    Formula,
+    UnknownPublisher,
+)
+REGISTRY: Dict[str, Type[Check]] = {each.kind.value: each for each in _ALL}
 """Every check by its name: the key under `checks` in the SOM.
 
 The first that finds something tells its kind.
@@ -242,7 +264,7 @@ The first that finds something tells its kind.
 BY_VALUE = tuple(
     Kind(name)
     for name, check in REGISTRY.items()
-    if check.sample in (*OF_VALUE, StampSample, FormSample)
+    if check.sample in (*OF_VALUE, StampSample, FormSample, FormulaSample)
 )
 """The failures that single messages show: by what they say, not by when they come."""
 
@@ -288,3 +310,8 @@ class Checks:
     of: int = 10
 
     recovery: ClassVar[int] = 5
+
+    @property
+    def formulas(self) -> Tuple[Formula, ...]:
+        """The formula, if there is one."""
+        return tuple(check for check in self.each if isinstance(check, Formula))

@@ -3,6 +3,8 @@ from dataclasses import dataclass
 from typing import Optional
 
 
+P95 = 1.959964
+"""Standard deviations within which 95 % of a normal distribution lie."""
 SPREAD_RMS, SPREAD_P95 = 4.0, 2.0
 """A value may be so many rms, and so many times its p95, from the truth."""
 
@@ -25,6 +27,11 @@ class Error:
     source: str = ""
 
     @property
+    def within(self) -> float:
+        """Return what 95 % of it are within: p95; not known: as if it were normal."""
+        return P95 * self.rms if self.p95 is None else self.p95
+
+    @property
     def quality(self) -> Optional[float]:
         """1 - rms/baseline, in (0, 1]; None where the baseline is not known."""
         if not self.baseline:
@@ -35,6 +42,21 @@ class Error:
 def quality_of(error: Optional[Error]) -> float:
     """Return the quality of what says none itself: by the figures of its error, else 1."""
     return 1.0 if error is None else error.quality or 1.0
+
+
+def refusal(error: Optional[Error], limit: Optional[float]) -> str:
+    """Return why a value of this error is not used, in words; empty: it may be.
+
+    `limit`: what 95 % of it must be within, in its unit; None: there is none.
+    """
+    if error is None:
+        return ""
+    if limit is not None and error.within > limit:
+        return f"its error of {error.within:.3g} (p95) is above fault_tolerant_error, {limit:g}"
+    if error.baseline is not None and error.rms >= error.baseline:
+        mean = f"{error.baseline:.3g}"
+        return f"its error of {error.rms:.3g} (rms) is not below that of the mean, {mean}"
+    return ""
 
 
 def spread(error: Optional[Error]) -> Optional[float]:

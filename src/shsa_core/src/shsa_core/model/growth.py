@@ -3,10 +3,8 @@ from dataclasses import replace
 from math import exp, inf, sqrt
 from typing import Optional, Tuple
 
-from shsa_core.model.error import Error
+from shsa_core.model.error import P95, Error
 
-P95 = 1.959964
-"""Standard deviations within which 95 % of a normal distribution lie."""
 PRIOR_GAIN = 0.3
 """The standard deviation of a relation's gain from 1 that is expected."""
 CHANGES_PER_HOUR = 2.0
@@ -60,5 +58,5 @@ class Growth:
     def added(self, error: Error, aged: float) -> Error:
         """Return an error with this, and with what age adds to its variance."""
         more = aged + self._variance
-        p95 = P95 * error.rms if error.p95 is None else error.p95
-        return replace(error, rms=sqrt(error.rms**2 + more), p95=sqrt(p95**2 + P95**2 * more))
+        p95 = sqrt(error.within**2 + P95**2 * more)
+        return replace(error, rms=sqrt(error.rms**2 + more), p95=p95)

@@ -32,6 +32,7 @@ class Kind(Word):
     FUTURE_STAMP = "future_stamp"
     FRAME = "frame"
     LENGTH = "length"
+    FORMULA = "formula"
     UNKNOWN_PUBLISHER = "unknown_publisher"
     NO_VALUE = "no_value"
     REQUESTED = "requested"

@@ -71,6 +71,14 @@ class FormSample:
 
 
 @dataclass(frozen=True)
+class FormulaSample:
+    """A formula of the service with these values; `holds` is None while that is not known."""
+
+    holds: Optional[bool]
+    values: Tuple[Tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
 class IntruderSample:
     """A publisher that nobody names has published for `lasted` s beside `rightful` ones."""
 

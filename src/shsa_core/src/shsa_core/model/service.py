@@ -28,6 +28,7 @@ class Provision:
     quality: float = 1.0
     checks: Tuple[Check, ...] = default_checks(of_values=True)
     error: Optional[Error] = None
+    fault_tolerant_error: Optional[float] = None
     unreadable: str = ""
     calibrate: bool = True
     usual: Optional[Tuple[float, float]] = None

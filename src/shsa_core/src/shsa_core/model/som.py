@@ -117,6 +117,10 @@ class Som:
         """Return the services that are healed when they fail."""
         return tuple(service for service in self if service.needed)
 
+    def may_be_needed(self) -> Tuple[Service, ...]:
+        """Return those, or where none is marked, all that are while somebody subscribes to them."""
+        return self.needed() or tuple(service for service in self if service.needed is None)
+
     def signal(self, source: Source, deadlines: Deadlines, written: bool = False) -> Signal:
         """Return what a substitute must know of a source that it reads or writes."""
         service = source.service

@@ -1,7 +1,7 @@
 """Decides who may not be blamed, why, and for how long: one table, in order.
 
-A silence, a low rate, an old stamp, a late start, a value out of range and a gap that would teach
-how long a stream may be silent are asked the same. Together all alibis of a silence grant it as
+A silence, a low rate, an old stamp, a late start, a wrong value and a gap that would teach how long
+a stream may be silent are asked the same. Together all alibis of a silence grant it as
 long again as it is allowed, at most.
 """
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ class Blame(Enum):
     GAP = "gap"
     STAMP = "stamp"
     RANGE = "range"
+    VALUE = "value"
     START = "start"
 
 
@@ -33,8 +34,10 @@ class Case:
     `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
     when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
     own. `together`: how many nodes are late, or out of range, with it, itself included.
-    `confirmed`: what others tell is as far out of range. `subscribed`: its topic is. `robot_came`:
-    some node of the robot was there. `formerly`: it did well under a former monitor.
+    `confirmed`: what others tell is as far out of range. `fed_wrong`: what it is computed from is
+    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `subscribed`:
+    its topic is. `robot_came`: some node of the robot was there. `formerly`: it did well under a
+    former monitor.
     """
 
     blame: Blame
@@ -49,6 +52,9 @@ class Case:
     paced: bool = True
     together: int = 1
     confirmed: bool = False
+    fed_wrong: bool = False
+    fed_slowly: bool = False
+    fed_anew: bool = False
     subscribed: bool = True
     robot_came: bool = True
     formerly: bool = False
@@ -124,6 +130,21 @@ ROWS = (
         "nodes that share no cause are out of range together: the SOM may be wrong, or the world",
         _RANGE,
         lambda case: case.together > 1,
+    ),
+    Row(
+        "what it is computed from is wrong",
+        (Blame.VALUE, Blame.RANGE, Blame.STAMP),
+        lambda case: case.fed_wrong,
+    ),
+    Row(
+        "what it is computed from comes too seldom",
+        (Blame.RATE,),
+        lambda case: case.fed_slowly,
+    ),
+    Row(
+        "a substitute publishes what it is computed from",
+        (Blame.VALUE,),
+        lambda case: case.fed_anew,
     ),
     Row("its topic is not subscribed yet", _START, lambda case: not case.subscribed),
     Row(

@@ -1,11 +1,12 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
 from math import inf
-from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple, Union
+from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Service
 from shsa_core.monitoring.events import (
     Command,
     HealthChanged,
@@ -14,7 +15,13 @@ from shsa_core.monitoring.events import (
     PublisherState,
     Told,
 )
-from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedService, WatchedTopic
+from shsa_core.monitoring.publishers import (
+    NOBODY,
+    Publisher,
+    WatchedService,
+    WatchedTopic,
+    without_numbers,
+)
 from shsa_core.monitoring.substitutes import Bridges, Substitutes
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
@@ -89,6 +96,12 @@ class Board:
         """Tell if the SOM or the table of substitutions names a publisher, or did until now."""
         name = publisher.name
         return name in topic.nodes or self.substitutes.is_known(topic.name, name)
+
+    def upstream(self, service: Service) -> Iterator[Tuple[str, Publisher]]:
+        """Yield the publishers of what a service is computed from, with their topics."""
+        for topic in self.topics.values():
+            if not topic.services.keys().isdisjoint(service.upstream):
+                yield from ((topic.name, each) for each in topic.publishers.values())
 
     def may_be_silent(self, topic: WatchedTopic, publisher: Publisher) -> bool:
         """Tell if a publisher is a substitute that need not publish here."""
@@ -170,13 +183,13 @@ class Board:
     ) -> None:
         """Tell why one that has not failed is not blamed, or what is unusual; empty: nothing is.
 
-        `log`: people are told as well, once in a life of it.
+        `log`: people are told as well, once in a life of it, whatever its numbers.
         """
         if publisher.detail != detail:
             publisher.detail = detail
             self.touch(topic, publisher.name)
-        if log and detail not in publisher.logged:
-            publisher.logged.add(detail)
+        if log and not publisher.was_logged:
+            publisher.logged.add(without_numbers(detail))
             self._told.append(Told(time, f"{topic.name}: {publisher.name}: {detail}"))
 
     def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:

@@ -10,6 +10,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.form import Form
+from shsa_core.monitoring.formulas import FormulaRun
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
 from shsa_core.monitoring.stamps import StampAges
 from shsa_core.monitoring.stillness import Run, Stillness
@@ -29,7 +30,12 @@ Learned = Dict[Tuple[str, str], Stillness]
 
 def checked_provisions(service: Service) -> Tuple[Provision, ...]:
     """Return the provisions whose values are looked at; a message is decoded for no others."""
-    return tuple(each for each in service.provides if each.usual or _checks_of(each))
+    named = {name for each in service.checks.formulas for name in each.parsed.names}
+    return tuple(
+        each
+        for each in service.provides
+        if each.usual or _checks_of(each) or each.property in named
+    )
 
 
 def checks_header(service: Service) -> bool:
@@ -130,6 +136,11 @@ class Verdict:
             self.recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
         return guilty
 
+    @property
+    def newest_is_bad(self) -> bool:
+        """True if the newest message was bad."""
+        return bool(self._history & 1)
+
     def clear(self) -> None:
         """Forget what was bad."""
         self._history = 0
@@ -153,6 +164,7 @@ class Evidence:
         self._values = [_Value(provision, learned) for provision in checked]
         judged = () if learned is None or service.period is None else checks.each
         self._form, self._form_checks = Form({} if form is None else form), _of(judged, FormSample)
+        self._formulas = [(each, FormulaRun(each.parsed)) for each in checks.formulas]
         self._stamp_checks = _of(checks.each, StampSample)
         self._stamps = StampAges(None if learned is None else service.period)
         self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
@@ -239,9 +251,13 @@ class Evidence:
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
         """Yield what each check that is due finds wrong with a message."""
+        values: Dict[str, float] = {}
         for value, seen in zip(self._values, message.values or ()):
             if seen is not None and (self.written is None or value.field in self.written):
+                values[value.name] = seen
                 yield value.look(seen, message.time, failed)
+        for check, run in () if message.values is None else self._formulas:
+            yield judge([check], run.sample(message.time, message.waited, values))
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
         if self._stamp_checks and message.age is not None:

@@ -5,7 +5,7 @@ from typing import Optional
 from shsa_core.model.checks import Checks
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alibis import Alibi, Blame, decide
+from shsa_core.monitoring.alibis import Alibi, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.comparisons import Comparisons
 from shsa_core.monitoring.events import Message
@@ -90,17 +90,33 @@ class Judgement:
     def _alibi(
         self, topic: WatchedTopic, publisher: Publisher, failure: Finding, time: float
     ) -> Optional[Alibi]:
-        """Return why a publisher is not blamed for its rate, or its range; None: it is."""
+        """Return why a publisher is not blamed for its rate, or its values; None: it is."""
         evidence = publisher.evidence
+        case = Case(Blame.VALUE, time, time)
         if failure.kind in LATE:
+            if not publisher.is_healthy:
+                return None
             case = self._around.slow(LATE[failure.kind], publisher, time)
             named = self._board.is_named(topic, publisher)
             case = replace(case, paced=named or evidence is None or evidence.rate_was_good)
-            return decide(case) if publisher.is_healthy else None
-        if failure.kind is not Kind.OUT_OF_RANGE or evidence is None or evidence.outside is None:
-            return None
-        confirmed = self._comparisons.confirms(publisher, evidence.outside, time)
-        return decide(self._around.range(publisher, time, confirmed))
+        elif failure.kind is Kind.OUT_OF_RANGE and evidence is not None and evidence.outside:
+            confirmed = self._comparisons.confirms(publisher, evidence.outside, time)
+            case = self._around.range(publisher, time, confirmed)
+        return decide(self._fed(topic, publisher, case))
+
+    def _fed(self, topic: WatchedTopic, publisher: Publisher, case: Case) -> Case:
+        """Return a case with what the publisher, unless it is a substitute, computes from."""
+        if publisher.service is None or publisher.name not in topic.nodes:
+            return case
+        board = self._board
+        upstream = [*board.upstream(publisher.service)]
+        well = ((name, each.name) for name, each in upstream if each.is_healthy)
+        return replace(
+            case,
+            fed_wrong=any(each.tells_wrong for _, each in upstream),
+            fed_slowly=any(each.is_slow for _, each in upstream),
+            fed_anew=any(board.substitutes.is_known(*key) for key in well),
+        )
 
     def _heard_good(
         self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]

@@ -57,7 +57,7 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
     ]
     substitutes = [each for each in concerned if board.substitutes.service(topic.name, each.name)]
     condition, detail = _condition(concerned, substitutes)
-    own = (p.detail for p in concerned if p.name == service.node and p.detail in p.logged)
+    own = (p.detail for p in concerned if p.name == service.node and p.was_logged)
     doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt

@@ -1,20 +1,24 @@
 """Watched topics, their services and their publishers."""
+import re
 from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.checks import Check
+from shsa_core.model.checks import BY_VALUE, Check
 from shsa_core.model.samples import IntruderSample, Usual
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.settings import SLOW_PACE
 from shsa_core.monitoring.stamps import Backlog
 from shsa_core.monitoring.witness import Suspicion
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
+
+NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 
 
 @dataclass
@@ -173,6 +177,23 @@ class Publisher:
             if before and self.evidence and self.service_name == name:
                 self.evidence.take_messages(before)
 
+    @property
+    def tells_wrong(self) -> bool:
+        """True if it failed by what it says, or its newest message is bad."""
+        bad = self.evidence is not None and self.evidence.verdict.newest_is_bad
+        return bad or self.kind in BY_VALUE
+
+    @property
+    def is_slow(self) -> bool:
+        """True if its messages come too seldom, or nearly so."""
+        pace = self.evidence.pace if self.evidence is not None else None
+        return self.kind is Kind.RATE_LOW or (pace is not None and pace < SLOW_PACE)
+
+    @property
+    def was_logged(self) -> bool:
+        """True if people were told what it is noted for, but for its numbers."""
+        return without_numbers(self.detail) in self.logged
+
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""
         watched, before = self.watched, self.evidence
@@ -260,6 +281,11 @@ class WatchedTopic:
     def healthy(self) -> List[Publisher]:
         """Return the healthy publishers."""
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
+
+
+def without_numbers(text: str) -> str:
+    """Return a text without its numbers; those that are part of a name stay."""
+    return NUMBER.sub("", text)
 
 
 def _seconds(deadline: Optional[float]) -> float:

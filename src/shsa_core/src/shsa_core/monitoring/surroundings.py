@@ -70,17 +70,17 @@ class Surroundings:
         span = publisher.evidence.span if publisher.evidence is not None else 0.0
         if not 0.0 <= time - self._looked < settings.SAMPLE_S:
             self._looked = time
-            self._slow = len({each.name for each in self._everybody() if _is_slow(each)})
+            slow = (each for each in self._everybody() if each.is_healthy and each.is_slow)
+            self._slow = len({each.name for each in slow})
         return self._late(blame, publisher.name, time - span, time, self._slow)
 
     def range(self, publisher: Publisher, time: float, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
-        service = publisher.service
-        causes = set(service.wrong_with) if service else set()
+        causes = _wrong_with(publisher)
         outside = (
             p for p in self._everybody() if p.connected and p.evidence and p.evidence.outside
         )
-        apart = [p for p in outside if p.service and causes.isdisjoint(p.service.wrong_with)]
+        apart = [p for p in outside if p.service and causes.isdisjoint(_wrong_with(p))]
         return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:
@@ -140,14 +140,15 @@ class Surroundings:
         return len(nodes)
 
 
+def _wrong_with(publisher: Publisher) -> Set[str]:
+    """Return whatever a publisher's values are wrong with: causes, and what they come from."""
+    service = publisher.service
+    return {*service.wrong_with, service.name, *service.upstream} if service else set()
+
+
 def _is_late(publisher: Publisher, time: float) -> bool:
     """Tell if a healthy publisher has missed a message."""
     service, last = publisher.service, publisher.last_heard
     if last is None or service is None or service.period is None or not publisher.is_healthy:
         return False
     return time - last >= settings.MISSED_PERIODS * service.period
-
-
-def _is_slow(publisher: Publisher) -> bool:
-    pace = publisher.evidence.pace if publisher.evidence is not None else None
-    return publisher.is_healthy and pace is not None and pace < settings.SLOW_PACE

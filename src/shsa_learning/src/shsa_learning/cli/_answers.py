@@ -9,7 +9,7 @@ from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
@@ -113,7 +113,8 @@ _REFUSAL = ("service", "substitute", "missing", "refused")
 def _refusal(error: Exception) -> Answer:
     if isinstance(error, NoSubstitute):
         answer: Answer = {"substitute": None, "missing": list(error.missing)}
-        return {**answer, **({"in_the_way": list(error.in_the_way)} if error.in_the_way else {})}
+        more = {"in_the_way": list(error.in_the_way), "refused": error.refused}
+        return {**answer, **{key: value for key, value in more.items() if value}}
     return {"substitute": None, "missing": [], "refused": str(error)}
 
 
@@ -187,7 +188,13 @@ def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optiona
     relations = found.derivation.relations()
     answer = _answer(found.quality, relations, found.proven_best, program, [output])
     answer.update(_wishes(_output(loss).service, relations, found.derivation.sources()))
-    return {"property": loss.name, **answer, "error": described(error), **refused}
+    return {"property": loss.name, **answer, **_erring(loss, error), **refused}
+
+
+def _erring(loss: Loss, error: Optional[Error]) -> Answer:
+    """Return an expected error, and why it is too large to be used, if it is."""
+    why = refusal(error, loss.limit)
+    return {"error": described(error), **({"not_used": why} if why else {})}
 
 
 def _explanation(asked: Asked, loss: Loss) -> Answer:
@@ -209,7 +216,7 @@ def _explanation(asked: Asked, loss: Loss) -> Answer:
                 "quality": each.quality,
                 "relations": list(each.derivation.relations()),
                 "inputs": [source.path for source in each.derivation.sources()],
-                "error": described(error),
+                **_erring(loss, error),
                 **_wishes(
                     _output(loss).service,
                     each.derivation.relations(),

@@ -131,7 +131,7 @@ def _text(answer: Answer) -> Iterator[str]:
     if "service" in answer:
         name = f"the service {answer['service']}"
     if "substitute" in answer and answer.get("refused"):
-        yield f"Nothing that can be executed replaces {name}: {answer['refused']}"
+        yield f"Nothing that can be used replaces {name}: {answer['refused']}"
     elif "substitute" in answer:
         values = answer.get("property") or " and ".join(answer["properties"])
         lacking = ", ".join(answer["missing"]) or f"any relation that yields {values}"
@@ -178,6 +178,7 @@ def _text(answer: Answer) -> Iterator[str]:
 def _summary(each: Answer) -> str:
     by = ", ".join(each["relations"]) or "the same property elsewhere"
     refused = "  (cannot be executed)" if "refused" in each else ""
+    refused += f"  (not used: {each['not_used']})" if "not_used" in each else ""
     error = _error(each.get("error"))
     for name, of in each.get("errors", {}).items():
         error += _error(of, f"{name} " if len(each["errors"]) > 1 else "")

@@ -127,7 +127,7 @@ def tables(report: Report) -> List[Table]:
             "Needed services",
             ("service, topic, node", "quality", "alternatives, best first", "fatal with it"),
             [_service(each) for each in report.services],
-            "The SOM marks no service as needed.",
+            "The SOM needs no service.",
         ),
         Table(
             "What the loss of a node costs",

@@ -9,7 +9,7 @@ from shsa_core.codegen.plans import plan_service, program_of
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
 from shsa_core.healing.incident import Incident
-from shsa_core.model.error import Error
+from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
@@ -74,7 +74,8 @@ def search_again(ontology: Ontology, som: Som, incident: Incident) -> Search:
     searched = []
     for output in service.sources:
         there = [s for s in som.sources if s.service.name != service.name]
-        listing = substitutes(ontology, there, output.property, errors, service.prefer)
+        wishes = service.prefer, output.provision.fault_tolerant_error
+        listing = substitutes(ontology, there, output.property, errors, *wishes)
         found = [
             _found(ontology, output, each.derivation, each.quality, error, doubts, incident)
             for each, error in islice(listing, LOOKED_AT)
@@ -129,6 +130,8 @@ def _found(
 ) -> Found:
     sources = derivation.sources()
     why_not = [why for source in sources for why in doubts.of(source)]
+    too_wrong = refusal(error, output.provision.fault_tolerant_error)
+    why_not += [too_wrong] if too_wrong else []
     try:
         program_of(ontology, [derivation], [output])
     except GenerationError as refused:

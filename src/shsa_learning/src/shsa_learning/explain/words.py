@@ -20,6 +20,7 @@ KINDS: Dict[Kind, str] = {
     Kind.FUTURE_STAMP: "its stamps lay in the future",
     Kind.FRAME: "its messages named another frame",
     Kind.LENGTH: "its arrays were too short",
+    Kind.FORMULA: "its values broke the formula that the SOM states",
     Kind.UNKNOWN_PUBLISHER: "a node that nobody knows published beside the right one",
     Kind.NO_VALUE: "the law of what stood in for it did not hold, or had no value",
     Kind.REQUESTED: "somebody asked for a substitute",

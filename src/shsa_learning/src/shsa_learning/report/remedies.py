@@ -40,7 +40,7 @@ class Remedies:
     ) -> None:
         self._som = som
         self._fragility = fragility
-        self._services: Sequence[Service] = som.needed()
+        self._services: Sequence[Service] = som.may_be_needed()
         self._hosted: Dict[str, List[Service]] = {}
         for service in self._services:
             for cause in service.causes:

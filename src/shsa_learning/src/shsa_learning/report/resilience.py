@@ -13,6 +13,7 @@ from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.codegen.choice import ordered
 from shsa_core.errors import GenerationError, NoSubstitute
+from shsa_core.model.error import refusal
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.quality import cost
 from shsa_core.model.service import Service, Source
@@ -46,7 +47,7 @@ class _Analysis:
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
-        for service in som.needed():
+        for service in som.may_be_needed():
             for cause in service.causes:
                 self._hosted.setdefault(cause, []).append(service)
         self._cuts_of: Dict[str, Set[Nodes]] = {}  # by service
@@ -57,7 +58,7 @@ class _Analysis:
             for service in hosted:
                 cuts = self._cuts(service.properties, frozenset([cause]))
                 self._cuts_of.setdefault(service.name, set()).update(cuts)
-        services = tuple(self._service(service) for service in self._som.needed())
+        services = tuple(self._service(service) for service in self._som.may_be_needed())
         robot_cuts = _robot_cuts(services)
         remedies = Remedies(self._ontology, self._som, self._fragility, services)
         sensors, relations = remedies.sensors(), remedies.relations()
@@ -82,7 +83,7 @@ class _Analysis:
         try:
             plan = self._takeovers.of(service)
         except NoSubstitute as none:
-            missing = none.missing
+            missing, refused = none.missing, none.refused
         except GenerationError as error:
             refused = str(error)
         cuts = self._cuts_of[service.name]
@@ -132,7 +133,8 @@ class _Analysis:
             return alternatives
         derivations = [derivation for _, derivation, _ in found]
         errors = predictor.of(derivations)
-        order = ordered(derivations, errors, predictor)
+        order = ordered(derivations, predictor)
+        order.sort(key=lambda i: bool(refusal(errors[i], None)))
         return [replace(alternatives[i], error=errors[i]) for i in order]
 
     def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
