@@ -6,6 +6,7 @@ than twice its usual time, or a healer takes more than it may. Needs root, to be
 """
 import argparse
 import base64
+import csv
 import json
 import os
 import shutil
@@ -19,7 +20,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Sequence, Set, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 import psutil
 import rospy
@@ -72,7 +73,7 @@ SURE_S = 0.1
 LOOK_S, IDLE_S, SHORT_S = 0.1, 3.0, 3.0
 SHORT_GROUPS, USUAL = 3, 3
 ATTACKERS = "redteam_attacks"
-COLUMNS = ("attack", "tries", "outage ms, usually", "memory MB", "processor %", "result")
+COLUMNS = "attack", "tries", "outage ms, usually", "memory MB", "processor %", "worst", "result"
 
 
 def refusal() -> str:
@@ -105,6 +106,7 @@ class Result(NamedTuple):
     usual: float
     memory: float
     processor: float
+    worst: str
     faults: List[str]
 
     def row(self) -> Tuple[str, ...]:
@@ -115,6 +117,7 @@ class Result(NamedTuple):
             f"{1e3 * self.outage:.0f}, {1e3 * self.usual:.0f}",
             f"{self.memory:.0f}",
             f"{100 * self.processor:.1f}",
+            self.worst[1:],
             "; ".join(self.faults) or "held",
         )
 
@@ -123,7 +126,7 @@ class Robot:
     """A robot of ROBOT with healing, and innocent processes; we hear its topics."""
 
     def __init__(self, graph: Graph) -> None:
-        self.graph = graph
+        self.graph, self._before = graph, {*psutil.process_iter()}
         self.home = self._folder(ROBOT, 0o700)
         self.theirs = self._folder(STRANGER, 0o777)  # whose code it were that writes here
         words = as_user(ROBOT, self.home)
@@ -148,7 +151,6 @@ class Robot:
         )
         wait_until(_view_listens, 60.0, "the view is there")
         wait_until(lambda: self.passed, 60.0, "the gate lets pass")
-        os.environ["HEARTS"] = " ".join(_hearts())
         self.healers = {name: psutil.Process(self._pid(name)) for name in HEALERS}
         self.idle = self.rates(IDLE_S)
         self.price = {name: 0.0 for name in HEALERS}  # of one failure, in s
@@ -247,12 +249,15 @@ class Robot:
         lines = [line for log in logs for line in log.read_text("utf-8").splitlines()]
         return {json.loads(line)["topic"] for line in lines}
 
-    def started_strangely(self) -> bool:
-        """Return whether a process of the robot's user is one of a stranger's choice."""
-        rows = [each.info for each in psutil.process_iter(["uids", "cmdline"])]
-        words = [row["cmdline"] or [] for row in rows if row["uids"].real == ROBOT]
-        servers = [each for each in words if "http.server" in each]
-        return len(servers) > 1 or any(ATTACKERS in each for each in words)
+    def strangers(self) -> List[psutil.Process]:
+        """Return the processes of the robot's user that are of a stranger's choice."""
+        return [each for each in strange(self._before) if each.pid != self.innocent.pid]
+
+    def leaky(self) -> List[psutil.Process]:
+        """Return the processes whose core would hold the secret."""
+        secret = (self.home / "shsa" / "secret").read_bytes()
+        left = [each for each in self.graph.processes() if not _leaves_no_core(each)]
+        return [each for each in left if _holds(each, secret)]
 
     def gate_faults(self, since: float, timed: bool) -> List[str]:
         """Return what the gate has done wrong since a moment."""
@@ -333,6 +338,7 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     """
     innocent = robot.innocents()
     before, began, peak = robot.use(), time.monotonic(), Peak(robot)
+    os.environ["HEARTS"] = " ".join(_hearts())
     words = [*as_user(STRANGER, robot.theirs), sys.executable, "-m", ATTACKERS]
     given = [str(seconds), str(robot.theirs), str(robot.innocent.pid)]
     start = lambda name: robot.graph.start(*words, name, *given, heard=True)
@@ -350,12 +356,10 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     faults = [f"{' '.join(_named(each))} was ended" for each in innocent if not running(each)]
     if (robot.theirs / "ran").exists():
         faults.append("code was run, or what is private was had")
-    if robot.started_strangely():
-        faults.append("what no robot has was started")
+    faults += [f"{' '.join(_named(each))} was started" for each in robot.strangers()]
     if robot.is_known():
         faults.append("the secret is known")
-    if not all(map(_leaves_no_core, robot.healers.values())):
-        faults.append("a core may hold the secret")
+    faults += [f"a core of {' '.join(_named(each))} has the secret" for each in robot.leaky()]
     faults += [f"{each} is another" for each, p in robot.healers.items() if not _is(each, p)]
     if usual and outage > max(MOST_SLOWER * usual, usual + SURE_S):
         faults.append("healed too late")
@@ -370,13 +374,42 @@ def attack(robot: Robot, names: Sequence[str], seconds: float, usual: float) -> 
     for name, count in zip(names, said):
         if count == "0":
             faults.append(f"nothing was tried: {name}")
-    tries = sum(map(int, said))
-    return Result(", ".join(names), tries, outage, usual, memory, processor, faults)
+    outcome = sum(map(int, said)), outage, usual, memory, processor, worst, faults
+    return Result(", ".join(names), *outcome)
+
+
+def strange(before: Set[psutil.Process]) -> List[psutil.Process]:
+    """Return the servers and attackers that run as the robot's user, and did not before."""
+    new = [each for each in psutil.process_iter() if each not in before and _user(each) == ROBOT]
+    return [each for each in new if {"http.server", ATTACKERS} & {*_words(each)}]
+
+
+def _user(process: psutil.Process) -> int:
+    try:
+        return int(process.uids().real)
+    except psutil.Error:
+        return -1
 
 
 def _leaves_no_core(process: psutil.Process) -> bool:
-    rows = Path(f"/proc/{process.pid}/limits").read_text("ascii").splitlines()
-    return any(row.split()[:5] == ["Max", "core", "file", "size", "0"] for row in rows)
+    try:
+        return bool(process.rlimit(psutil.RLIMIT_CORE)[0] == 0)
+    except psutil.Error:
+        return True  # it has ended
+
+
+def _holds(process: psutil.Process, data: bytes) -> bool:
+    """Return whether what a process can write in its memory has some data."""
+    try:
+        maps = Path(f"/proc/{process.pid}/maps").read_text("utf-8").splitlines()
+        with open(f"/proc/{process.pid}/mem", "rb") as memory:
+            for begin, end in (row.split()[0].split("-") for row in maps if " rw" in row):
+                memory.seek(int(begin, 16))
+                if data in memory.read(int(end, 16) - int(begin, 16)):
+                    return True
+    except (OSError, ValueError):  # it has ended, or that was freed
+        return False
+    return False
 
 
 def _named(process: psutil.Process) -> List[str]:
@@ -419,10 +452,13 @@ def all_of_them(seconds: float) -> List[Result]:
             robot.end()
 
 
-def show(results: List[Result]) -> int:
-    """Print the table; return the exit status."""
+def show(results: List[Result], path: Optional[Path]) -> int:
+    """Print the table, and write it to a file; return the exit status."""
     rows = [each.row() for each in results]
     print(tabulate(rows, COLUMNS, tablefmt="github", disable_numparse=True), flush=True)
+    if path is not None:
+        with open(str(path), "w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
     return int(any(each.faults for each in results))
 
 
@@ -432,6 +468,7 @@ def main() -> int:
     parser.add_argument("attacks", nargs="*", help=f"of these: {', '.join(ATTACKS)}; none: all")
     parser.add_argument("--seconds", type=float, default=60.0, help="so long each attack takes")
     parser.add_argument("--short", action="store_true", help="one robot, each for a few seconds")
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the table there, too")
     parser.add_argument("--json", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     unknown = sorted({*options.attacks} - {*ATTACKS})
@@ -442,7 +479,7 @@ def main() -> int:
         print(f"Nothing is attacked: {why}.")
         return 0
     if options.short:
-        return show(all_of_them(SHORT_S))
+        return show(all_of_them(SHORT_S), options.csv)
     if options.json:
         print(json.dumps(one(options.attacks[0], options.seconds)), flush=True)
         return 0
@@ -452,7 +489,7 @@ def main() -> int:
         command = [sys.executable, __file__, "--json", "--seconds", str(options.seconds), name]
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
         results.append(Result(*json.loads(done.stdout.splitlines()[-1])))
-    return show(results)
+    return show(results, options.csv)
 
 
 if __name__ == "__main__":

@@ -17,11 +17,12 @@ from plain_node import PlainNode
 from shsa_core.healing.events import Where
 from shsa_core.ros.master.bus import Originals
 from shsa_core.ros.processes import ending, kernel
-from shsa_core.ros.processes.nodes import URIS, Known, Nodes, protection
+from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value
 
 NAME, TOPIC, KIND = "/driver", "/speed", "std_msgs/Float64"
+URIS = "/roslaunch/uris"
 ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root starts processes of others")
 
 IPV6 = pytest.mark.skipif(not socket.has_ipv6, reason="there is no IPv6 here")
@@ -391,10 +392,31 @@ def test_an_original_is_asked_who_its_consumers_are_once(nodes: Nodes) -> None:
     node.end()
 
 
+@pytest.fixture
+def child() -> Iterator[psutil.Process]:
+    """A process that we have started, as a roslaunch starts a node."""
+    with subprocess.Popen(["sleep", "60"]) as process:
+        yield psutil.Process(process.pid)
+        process.kill()
+
+
 @pytest.mark.parametrize("answer", [[1, "", [["driver-1"], []]], [1, "", 7], ["x"], {"a": 1}])
-def test_a_launch_that_answers_nonsense_protects_nobody(nodes: Nodes, answer: Any) -> None:
+def test_a_launch_that_answers_nonsense_protects_nobody(child: psutil.Process, answer: Any) -> None:
     launch = StrangeNode(value(answer))
-    rosgraph.Master("/test").setParam(URIS, {"strange": launch.uri, "none": "http://", "seven": 7})
-    assert protection(NAME, psutil.Process(), ()) == ""
-    rosgraph.Master("/test").deleteParam(URIS)
+    assert protection(NAME, child, ()) == ""
+    assert launch.calls
     launch.end()
+
+
+def test_the_launch_that_has_started_a_node_protects_it_and_no_other(
+    nodes: Nodes, child: psutil.Process
+) -> None:
+    """Anybody may say at /roslaunch/uris that he has, or that nobody has."""
+    for process, why in ((child, 'its launch file says required="true"'), (psutil.Process(), "")):
+        told = value([1, "", {"pid": process.pid, "required": True}])
+        listed = value([1, "", [[["driver-1", 1]], []]])
+        launch = StrangeNode(value(7), list_processes=listed, process_info=told)
+        rosgraph.Master("/test").setParam(URIS, {} if why else {"stranger": launch.uri})
+        assert protection(NAME, process, ()) == why
+        launch.end()
+    rosgraph.Master("/test").deleteParam(URIS)

@@ -7,9 +7,11 @@ from contextlib import suppress
 from typing import Any, Dict, List
 
 import rosgraph
+from shsa_msgs.msg import Float64Stamped, Health
 from shsa_msgs.srv import FindSubstitute
 
 from redteam_attacks.target import ERRORS, LENGTH, Target, Try, flood, framed, header
+from shsa_testing.raw_publisher import RawPublisher
 
 
 def parameters(target: Target, end: float) -> int:
@@ -43,10 +45,22 @@ def parameters(target: Target, end: float) -> int:
 
 
 def names(target: Target, end: float) -> int:
-    """Register nodes, topics and types whose names are code, escapes, paths, or very long."""
-    bad = ("\x1b[2J", "../../etc", "a" * 5000, target.code, "<script>", "\u202e", "%s%n", "/", "")
+    """Register nodes, topics and types whose names are code, escapes, paths, or very long.
+
+    They publish and subscribe, too.
+    """
+    script = "<img src=x onerror=alert(1)>"
+    bad = ("\x1b[2J", "../../etc", "a" * 5000, target.code, script, "\u202e", "%s%n", "/", "")
+    raw = [RawPublisher("/warm", f"/{word}", Float64Stamped(data=50.0)) for word in bad]
+    fields = {"topic": "/shsa/health", "type": Health._type, "md5sum": "*"}
     count = 0
     while time.monotonic() < end:
+        for word, publisher in zip(bad, raw):
+            with suppress(*ERRORS):
+                publisher.tell("/monitor")
+            with suppress(*ERRORS), socket.create_connection(target.data("/monitor"), 1.0) as said:
+                said.sendall(header({**fields, "callerid": f"/{word}"}))
+                said.recv(1000)
         for word in bad:
             caller = rosgraph.Master(f"/{word}")
             uri = random.choice([f"http://{word}:1/", "http://127.0.0.1:9/", word])
@@ -66,7 +80,7 @@ def requests(target: Target, end: float) -> int:
     count = 0
     services = ("/shsa/find_substitute", "/shsa/release", "/shsa/reload")
     while time.monotonic() < end:
-        for uri in target.uris.values():
+        for uri in target.healing():
             api: Any = xmlrpc.client.ServerProxy(uri)
             with suppress(*ERRORS):
                 api.shutdown("/stranger", "says a stranger")

@@ -97,7 +97,7 @@ def restarts(target: Target, end: float) -> int:
     count = 0
     while time.monotonic() < end:
         bad = RawPublisher("/again", "/again_node", Float64Stamped(data=10.0))
-        pid: Callable[..., Any] = lambda caller: [1, "", (os.getpid(), target.innocent)[count % 2]]
+        pid: Callable[..., Any] = lambda caller: [1, "", (target.innocent, os.getpid())[count % 2]]
         bad._api.register_function(pid, "getPid")
         topics: Callable[..., Any] = lambda caller: [1, "", [["/again", Float64Stamped._type]]]
         bad._api.register_function(topics, "getPublications")

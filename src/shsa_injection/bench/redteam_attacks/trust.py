@@ -107,7 +107,7 @@ def _flood_hearts(count: Any, end: float) -> None:
     speaker = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     speaker.settimeout(0.01)
     forged = (socket.SOL_SOCKET, socket.SCM_CREDENTIALS, CREDENTIALS.pack(1, 4001, 4001))
-    while time.monotonic() < end:
+    while hearts and (not count.value or time.monotonic() < end):
         for heart in hearts:
             for said in (CUT_OFF, bytes(100_000), b""):
                 with suppress(OSError):
@@ -122,7 +122,7 @@ def _squat(path: str) -> None:
         for place in (path, "\0" + path):
             with suppress(OSError):
                 listener.sendto(b"/monitor", place)
-            with suppress(OSError):
+            with suppress(OSError, ValueError):  # no file has a name that begins with a zero
                 os.unlink(place)
             with suppress(OSError, ValueError):
                 listener.bind(place)

@@ -79,8 +79,12 @@ def resolved(uri: object) -> Address:
 
 def located(uri: object) -> str:
     """Return a URI with its numeric address. Raises BadAnswer, OSError."""
-    host, port = resolved(uri)
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+    return uri_at(resolved(uri))
+
+
+def uri_at(at: Address) -> str:
+    """Return the URI of a numeric address."""
+    return f"http://[{at.host}]:{at.port}/" if ":" in at.host else f"http://{at.host}:{at.port}/"
 
 
 class Answer(NamedTuple):

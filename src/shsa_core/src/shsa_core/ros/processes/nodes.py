@@ -19,20 +19,17 @@ from shsa_core.healing.events import Where
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import (
     FAILURES,
+    Address,
     located,
     master_api,
     node_api,
     pid,
     resolved,
     topics,
+    uri_at,
 )
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import is_local, listener, listening
-
-URIS = "/roslaunch/uris"
-"""The parameter of the address of each roslaunch."""
-MOST_LAUNCHES = 32
-"""Anybody can write there: no more are asked."""
 
 
 @dataclass(frozen=True)
@@ -270,13 +267,13 @@ def _stranger(known: Known) -> str:
 def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str:
     """Return why a node is protected whose process `others` share; empty: it is not.
 
-    Asks each roslaunch of this master, and takes as long as they do.
+    Asks the roslaunch that has started it, and takes as long as that does.
     """
     if _is_nodelet_manager(process):
         return "its process is a nodelet manager"
     if others:
         return f"its process is that of {', '.join(sorted(others))} too"
-    if _is_required(node, process.pid):
+    if _is_required(node, process):
         return 'its launch file says required="true"'
     return ""
 
@@ -289,13 +286,17 @@ def _is_nodelet_manager(process: psutil.Process) -> bool:
     return [os.path.basename(word) for word in words[:2]] == ["nodelet", "manager"]
 
 
-def _is_required(node: str, pid: int) -> bool:
-    """Return whether a roslaunch ends with a node's process."""
+def _is_required(node: str, process: psutil.Process) -> bool:
+    """Return whether the roslaunch that has started a node ends with it.
+
+    That is its parent: by `/roslaunch/uris`, where anybody writes, a stranger could be asked.
+    """
     try:
-        uris = master_api().getParam(URIS)
-    except FAILURES:
-        return False  # no roslaunch has started anything
-    return any(_requires(uri, node, pid) for uri in sorted(_leaves(uris))[:MOST_LAUNCHES])
+        rows = psutil.Process(process.ppid()).connections("tcp")
+    except (psutil.Error, OSError):
+        return False
+    places = [Address(*row.laddr) for row in rows if row.status == psutil.CONN_LISTEN]
+    return any(_requires(uri_at(each), node, process.pid) for each in places)
 
 
 def _requires(uri: str, node: str, pid: int) -> bool:
@@ -308,9 +309,3 @@ def _requires(uri: str, node: str, pid: int) -> bool:
         return any(info.get("pid") == pid and info.get("required") for info in infos)
     except (*FAILURES, ValueError, TypeError, AttributeError, LookupError):
         return False  # it has ended, or is none
-
-
-def _leaves(tree: Any) -> Set[str]:
-    if isinstance(tree, dict):
-        return {leaf for each in tree.values() for leaf in _leaves(each)}
-    return {tree} if isinstance(tree, str) else set()

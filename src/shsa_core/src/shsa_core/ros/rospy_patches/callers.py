@@ -82,6 +82,21 @@ class Inbound(socket.socket):
         self.left -= count
         return count
 
+    def publish(self, write: Callable[[], Any]) -> Any:
+        """Have a message written, unless another user of this computer would wait: it misses that.
+
+        It pays for what that costs the thread that publishes. Raises OSError if it owes too much.
+        """
+        if not self.caller.startswith(USER):
+            return write()
+        began, owed = time.thread_time(), self.debts.owed(self.caller)
+        if owed > settings.PATIENCE_S:
+            raise ConnectionAbortedError(f"{self.caller} has us do too much")
+        try:
+            return True if owed else write()
+        finally:
+            self.debts.owed(self.caller, time.thread_time() - began)
+
     def sendall(self, *arguments: Any) -> None:
         """Write; a subscriber of another user of this computer pays for each message, and waits."""
         if self.caller.startswith(USER):

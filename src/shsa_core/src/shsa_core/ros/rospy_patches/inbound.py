@@ -19,7 +19,7 @@ from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServ
 from rospy.impl.masterslave import ROSHandler
 from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros_base import TCPROSServer
-from rospy.impl.tcpros_pubsub import TCPROSHandler
+from rospy.impl.tcpros_pubsub import QueuedConnection, TCPROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
@@ -50,6 +50,7 @@ def serve_each_by_itself(speaker: Speaker) -> None:
     handler.handle_one_request = _in_turn(handler.handle_one_request)
     handler.do_POST = _up_to(handler.do_POST)
     ROSHandler.shutdown = _of_our_user(ROSHandler.shutdown)
+    QueuedConnection.write_data = _as_paid(QueuedConnection.write_data)
 
 
 def _apart(callback: Callback, others: Room) -> Callback:
@@ -83,6 +84,16 @@ def _unless_withdrawn(handle: Callable[..., Any]) -> Callable[..., Any]:
         return None
 
     return connected
+
+
+def _as_paid(write: Callable[[Any, bytes], Any]) -> Callable[[Any, bytes], Any]:
+    def written(connection: Any, data: bytes) -> Any:
+        to = connection.socket
+        if not isinstance(to, Inbound):
+            return write(connection, data)
+        return to.publish(lambda: write(connection, data))
+
+    return written
 
 
 def _with_room(serve: Callback, room: Room, most: str) -> Callback:
