@@ -5,7 +5,8 @@ consumers listen side by side, one in rospy and one in roscpp. Of each return:
 
 overlap: from the original's first message to the substitute's last one, as a consumer hears them;
 above one period the two were heard together. gap: the longest pause from one second before the
-original's first message to one second after it. Writes returns.csv and returns_goals.csv.
+original's first message to one second after it; apart: the least time there between a message of
+one and the next of the other. Writes returns.csv and returns_goals.csv.
 """
 import argparse
 import csv
@@ -25,19 +26,21 @@ from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02
 AROUND_S = 1.0
-COLUMNS = ("standby", "consumer", "overlap_ms", "messages", "gap_ms")
-Return = Tuple[float, int, float]
+COLUMNS = ("standby", "consumer", "overlap_ms", "messages", "gap_ms", "apart_ms")
+Return = Tuple[float, int, float, float]
 
 
 def returned(consumer: Consumer, since: float) -> Return:
-    """Overlap in ms, how many messages of it came after one period, and the gap in ms."""
+    """Overlap in ms, how many messages of it came after one period, gap and distance in ms."""
     heard = consumer.since(since)
     first = next(each.at for each in heard if each.node == NODE)
     others = [each.at - first for each in heard if each.node != NODE]
-    near = [each.at for each in heard if abs(each.at - first) < AROUND_S]
-    gap = max(later - at for at, later in zip(near, near[1:]))
+    near = [each for each in heard if abs(each.at - first) < AROUND_S]
+    pairs = list(zip(near, near[1:]))
+    gap = max(later.at - each.at for each, later in pairs)
+    apart = min(later.at - each.at for each, later in pairs if each.node != later.node)
     together = sum(at > PERIOD_S for at in others)
-    return 1e3 * max(0.0, *others), together, 1e3 * gap
+    return 1e3 * max(0.0, *others), together, 1e3 * gap, 1e3 * apart
 
 
 def come_and_go(robot: HealthyRobot, consumers: Consumers) -> Dict[str, Return]:
@@ -60,11 +63,14 @@ def show(rows: Dict[Tuple[str, str], List[Return]]) -> None:
     """Print how many returns were heard twice, and for how long."""
     words: List[Sequence[str]] = []
     for (standby, consumer), returns in rows.items():
-        overlaps, messages, gaps = zip(*returns)
+        overlaps, messages, gaps, aparts = zip(*returns)
         above = sum(count > 0 for count in messages)
-        figures = (in_words(overlaps), str(sum(messages)), in_words(gaps))
+        holes = sum(gap > 2e3 * PERIOD_S for gap in gaps)
+        close = sum(apart < 500 * PERIOD_S for apart in aparts)
+        figures = (in_words(overlaps), str(sum(messages)), in_words(gaps), str(holes), str(close))
         words.append((f"{standby}, {consumer}", f"{above} of {len(returns)}", *figures))
-    columns = ("", "above one period", "overlap, ms", "messages after it", "gap, ms")
+    more = "gap, ms", "gaps above two", "closer than half"
+    columns = ("", "above one period", "overlap, ms", "messages after it", *more)
     print_table("Returns of an original: median / p95 / max", columns, words)
 
 
@@ -87,13 +93,15 @@ def main() -> int:
             for _ in tqdm(range(2 if options.short else options.returns), standby, disable=None):
                 for name, found in come_and_go(robot, consumers).items():
                     rows.setdefault((standby, name), []).append(found)
-                    writer.writerow([standby, name, f"{found[0]:.3f}", found[1], f"{found[2]:.3f}"])
+                    figures = (found[0], found[2], found[3])
+                    overlap, gap, apart = (f"{figure:.3f}" for figure in figures)
+                    writer.writerow([standby, name, overlap, found[1], gap, apart])
                 file.flush()
             robot.end()
     show(rows)
     goals = Goals()
     for (standby, consumer), returns in rows.items():
-        longest = max(overlap for overlap, _, _ in returns)
+        longest = max(found[0] for found in returns)
         goals.at_most(f"{standby}: overlap, one period", consumer, 1e3 * PERIOD_S, longest, "ms")
     goals.show(options.results / "returns_goals.csv")
     return 0

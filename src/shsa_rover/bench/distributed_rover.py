@@ -166,9 +166,11 @@ class DistributedRover:
 
     def _boot(self, name: str) -> None:
         groups = [f"{each}:={str(each == name).lower()}" for each in NAMES]
-        port = f"port:={self._port}", f"sim:={str(name != PI).lower()}"
+        lines = ("voltage", "base", "imu")
+        ports = [f"port:={self._port}", *(f"{each}_port:={self._port}_{each}" for each in lines)]
+        world = f"sim:={str(name != MAINBOARD).lower()}"
         healing = f"host:={NOTEBOOK}", f"som:={self._som}", f"hold_off:={HOLD_OFF_S}"
-        self._run(name, "roslaunch", "shsa_rover", "rover.launch", *groups, *port, *healing)
+        self._run(name, "roslaunch", "shsa_rover", "rover.launch", *groups, *ports, world, *healing)
         if name != NOTEBOOK:
             self._run(
                 name, "roslaunch", "shsa_core", "agent.launch", f"name:={name}", "wall_time:=true"

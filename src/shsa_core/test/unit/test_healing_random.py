@@ -14,7 +14,7 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import IdleProcess, Record, ServiceRecord
-from shsa_core.healing.settings import Settings
+from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.healing.repair import SUBSTITUTED
 from shsa_core.journal.codec import Codec
 from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
@@ -171,10 +171,13 @@ class AnyRobot(RuleBasedStateMachine):
             each.name: availability.state(core.robot.som, each, core._core.missing(each.name))
             for each in core.robot.som
         }
+        turns = {name: self.shown[name].bridge for name in pool.processes}
         rows = {
-            name: Substitution(name, "", (), "", (), host=pool.processes[name].host)
-            for name in pool.processes
+            name: Substitution(name, "", (), "", (), host=idle.host, bridge=turns[name])
+            for name, idle in pool.processes.items()
         }
+        here = [turns[name] for name, idle in pool.processes.items() if not idle.host]
+        assert sum(turns.values()) == sum({turn for turn in here if turn >= ANSWER_S})
         rows.update(pool.plans)
         for name, healing in core.services.items():
             assert self.incidents.get(name) == core.incident(name)

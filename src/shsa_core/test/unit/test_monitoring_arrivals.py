@@ -1,9 +1,18 @@
 """The time that the monitor waits for nodes: at the start, and after another monitor."""
 from typing import List
 
-from monitor_bench import NODE, TOPIC, Bench, service
+import pytest
+
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, service
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import Command, FormerlyHealthy, Subscribed, Tick, Told
+from shsa_core.monitoring.events import (
+    ClockTicked,
+    Command,
+    FormerlyHealthy,
+    Subscribed,
+    Tick,
+    Told,
+)
 
 OTHERS = [(f"/topic_{number}", f"/node_{number}") for number in range(4)]
 
@@ -57,6 +66,17 @@ def test_who_was_well_and_is_connected_but_silent_is_blamed_by_name() -> None:
     bench.connect()
     bench.wait(1.0)
     assert [each.publisher for each in bench.failures] == [NODE]
+
+
+@pytest.mark.parametrize("share, after", [(0.9, 5.0), (0.1, 1.0)])
+def test_who_was_well_has_longer_to_connect_on_a_busy_computer(share: float, after: float) -> None:
+    bench = Bench(alone=True)
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    began = bench.now
+    while not bench.failures and bench.now < began + 9.0:
+        bench.wait(PERIOD)
+        bench.send(ClockTicked(bench.now, bench.now, waited=(("", share * bench.now),)))
+    assert after - 0.5 <= bench.failures[0].since - began <= after + 0.1
 
 
 def test_who_was_well_and_is_gone_before_it_is_heard_has_died() -> None:

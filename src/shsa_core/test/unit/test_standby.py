@@ -7,7 +7,7 @@ import pytest
 from core_robot import A, B, C, Robot, has, last_incident, only, publishing, reads, service
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.kinds import Standby
+from shsa_core.model.kinds import Others, Standby
 from shsa_core.model.som import Som
 
 
@@ -29,6 +29,17 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     refill = only(commands, events.StartSubstitute)
     assert refill.program is None and refill.node != idle.node
     assert [row.node for row in robot.idle_rows()] == [refill.node]
+
+
+def test_a_plan_has_all_that_an_idle_process_needs_without_a_reconfigurator() -> None:
+    first = service("a", A, needed=True, standby=Standby.WARM, others=Others.LAST)
+    robot = Robot(Som([first, service("b", B), service("c", C)]))
+    plan = robot.shown["a"]
+    (idle,) = robot.idle_rows()
+    robot.fail("/a", A, 10.0)
+    given = robot.shown[idle.node]
+    row = replace(plan, node=idle.node, publishing=True)
+    assert row == replace(given, original="", last_message=b"", template=b"")
 
 
 @pytest.mark.parametrize("late", [0.0, 0.5])

@@ -90,6 +90,26 @@ def test_idle_processes_stay_ready() -> None:
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == idle.node
 
 
+def test_an_idle_process_that_has_taken_over_by_itself_is_adopted() -> None:
+    som = Som([service("a", A, needed=True, standby=Standby.WARM), *list(SOM)[1:]])
+    robot = Robot(som, pool=2)
+    robot.handle(events.Tick(5.0))
+    first, second = robot.idle_rows()
+    assert (first.bridge, second.bridge) == (0.5, 1.0)
+    succeed(robot, 20.0, (first.node, second.node))
+    assert robot.shown[second.node].idle
+    gone = PublisherHealth("/a", A, PublisherState.FAILED, 19.0, 1.0, 18.9, Kind.NODE_GONE)
+    robot.rows["/a", A] = gone
+    robot.row("/a", second.node, "healthy", 19.6, first=19.6)
+    commands = robot.table(20.1)
+    assert only(commands, events.AssignSubstitute).node == second.node
+    assert robot.shown[second.node].publishing and robot.shown[first.node].idle
+    incident = last_incident(commands)
+    assert (incident.state, incident.first_message) == (State.HEALED, 19.6)
+    for kind in (events.StartSubstitute, events.StopSubstitute):
+        assert not has(robot.handle(events.Tick(20.5)), kind)
+
+
 def test_who_did_well_does_so_until_a_monitor_is_there() -> None:
     robot = Robot()
     node = robot.heal(10.0)

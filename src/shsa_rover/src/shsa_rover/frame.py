@@ -2,7 +2,7 @@
 
 A frame is ``S``, the number of data bytes, high and low byte of each channel (10-bit ADC counts),
 ``E``, ``\\n\\r``. Data bytes may look like ``S`` or ``E``: only a whole frame whose every part is
-valid counts.
+valid counts. Channel 0 is the battery's current, channel 1 its voltage.
 
 That is the paper's. A checked frame begins with ``C`` instead, and has the CRC-16/CCITT of the
 number and the data, high byte first, before its ``E``: no one, two or three flipped bits in what it
@@ -10,13 +10,15 @@ covers, and no burst of up to 16, pass it. A parser takes one sort or the other:
 line cannot say.
 """
 import binascii
-from dataclasses import dataclass, field
-from typing import Dict, List, Optional, Sequence, Tuple
+from dataclasses import dataclass
+from typing import Sequence, Tuple
 
 from shsa_core.errors import ShsaError
+from shsa_rover import framing
 
 START, CHECKED_START = b"S", b"C"
 TRAILER = b"E\n\r"
+CURRENT, VOLTAGE = 0, 1
 MAX_CHANNELS = 8
 MAX_COUNT = 1023
 CHECKSUM_BYTES = 2
@@ -32,27 +34,6 @@ class Frame:
     """One sample of every channel, in ADC counts from 0 to 1023."""
 
     channels: Tuple[int, ...]
-
-
-@dataclass
-class Counters:
-    """Counts of a parser: good frames, and dropped bytes by reason.
-
-    Reasons: `noise` outside any frame, bad `length`, `value` above 10 bits, `checksum`, bad
-    `trailer`.
-    """
-
-    frames: int = 0
-    dropped: Dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(
-            ("noise", "length", "value", "checksum", "trailer"), 0
-        )
-    )
-
-    @property
-    def dropped_bytes(self) -> int:
-        """All bytes that were part of no frame."""
-        return sum(self.dropped.values())
 
 
 def encode(channels: Sequence[int], checked: bool = False) -> bytes:
@@ -77,53 +58,17 @@ def _end(body: bytes, checked: bool) -> bytes:
     return binascii.crc_hqx(body, 0xFFFF).to_bytes(CHECKSUM_BYTES, "big") + TRAILER
 
 
-class Parser:
-    """Takes bytes as they come and yields frames; after noise it finds the next frame by itself.
-
-    `checked`: the frames have a checksum.
-    """
+class Parser(framing.Parser[Frame]):
+    """Finds frames. `checked`: they have a checksum."""
 
     def __init__(self, checked: bool = False) -> None:
-        self.counters = Counters()
+        super().__init__(
+            CHECKED_START if checked else START, ("length", "value", "checksum", "trailer")
+        )
         self._checked = checked
-        self._start = CHECKED_START if checked else START
         self._end_bytes = len(TRAILER) + (CHECKSUM_BYTES if checked else 0)
-        self._buffer = bytearray()
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes kept because they may be the start of a frame."""
-        return len(self._buffer)
-
-    def reset(self) -> None:
-        """Drops the unfinished frame, as after the line was cut."""
-        self._drop(len(self._buffer), "noise")
-
-    def feed(self, data: bytes) -> List[Frame]:
-        """Return the frames completed by `data`, oldest first."""
-        self._buffer += data
-        frames: List[Frame] = []
-        while self._buffer:
-            start = self._buffer.find(self._start)
-            if start != 0:
-                self._drop(len(self._buffer) if start < 0 else start, "noise")
-                continue
-            fault = self._fault()
-            if fault:
-                self._drop(1, fault)
-                continue
-            frame = self._take()
-            if frame is None:
-                break
-            frames.append(frame)
-        return frames
-
-    def _drop(self, number: int, reason: str) -> None:
-        self.counters.dropped[reason] += number
-        del self._buffer[:number]
 
     def _fault(self) -> str:
-        """Return why the bytes so far cannot be a frame; empty if they can."""
         buffer = self._buffer
         if len(buffer) < 2:
             return ""
@@ -139,13 +84,11 @@ class Parser:
         checksum = self._end_bytes - len(TRAILER)
         return "trailer" if end[:checksum] == expected[:checksum] else "checksum"
 
-    def _take(self) -> Optional[Frame]:
-        """Return the frame at the buffer's start, or None while it is not complete."""
+    def _length(self) -> int:
         buffer = self._buffer
-        if len(buffer) < 2 or len(buffer) < 2 + buffer[1] + self._end_bytes:
-            return None
-        end = 2 + buffer[1]
-        channels = tuple(buffer[i] << 8 | buffer[i + 1] for i in range(2, end, 2))
-        del buffer[: end + self._end_bytes]
-        self.counters.frames += 1
-        return Frame(channels)
+        length = 2 + buffer[1] + self._end_bytes if len(buffer) > 1 else MAX_FRAME_BYTES
+        return length if length <= len(buffer) else 0
+
+    def _content(self, frame: bytes) -> Frame:
+        data = frame[2 : 2 + frame[1]]
+        return Frame(tuple(data[i] << 8 | data[i + 1] for i in range(0, len(data), 2)))

@@ -8,9 +8,11 @@ import tty
 
 from shsa_core.errors import ShsaError
 
+READ_BYTES = 4096
+
 
 class PseudoTerminal:
-    """The microcontroller's end of a serial line.
+    """The device's end of a serial line.
 
     The other end is opened at `link` like any serial port.
 
@@ -56,6 +58,15 @@ class PseudoTerminal:
                     raise
         self.lost_bytes += len(data) - sent
         return sent
+
+    def read(self) -> bytes:
+        """Return what has come; nothing if there is nothing."""
+        try:
+            return os.read(self._master, READ_BYTES)
+        except OSError as error:
+            if error.errno not in (errno.EAGAIN, errno.EIO):
+                raise
+            return b""
 
     def close(self) -> None:
         """Unplugs the line and removes the link, unless another has taken it over."""

@@ -10,7 +10,8 @@ from shsa_rover.chassis import GRAVITY, Chassis
 from shsa_rover.ground import Ground
 from shsa_rover.motors import greatest_force, motor_power
 from shsa_rover.paper_battery import PaperBattery
-from shsa_rover.sensors import Readings, quantised
+from shsa_rover.sensors import TRACK, Readings, quantised
+from shsa_rover.voltage_sensor import VoltageSensor
 from shsa_rover.worlds import AS_FITTED, World
 
 
@@ -107,20 +108,19 @@ class Rover:
         s, gauss = self._world.sensors, self._sensor_noise.gauss
         chassis, battery = self.chassis, self.battery
         left, right = chassis.wheel_speeds()
+        voltage = s.voltage_gain * battery.voltage + s.voltage_offset
         turn_rate = (right - left) / chassis.parameters.track
+        current_counts = self._world.current_sensor.counts(
+            battery.current + gauss(0.0, s.current_noise)
+        )
+        voltage_counts = VoltageSensor().counts(voltage + gauss(0.0, s.voltage_noise))
+        velocity = s.velocity_gain * 0.5 * (left + right) + gauss(0.0, s.velocity_noise)
+        turning = 0.5 * TRACK * (s.velocity_gain * turn_rate + gauss(0.0, s.turn_rate_noise))
         return Readings(
-            current_counts=self._world.current_sensor.counts(
-                battery.current + gauss(0.0, s.current_noise)
-            ),
-            battery_voltage=quantised(
-                s.voltage_gain * battery.voltage + s.voltage_offset + gauss(0.0, s.voltage_noise),
-                s.voltage_step,
-            ),
-            wheel_velocity=quantised(
-                s.velocity_gain * 0.5 * (left + right) + gauss(0.0, s.velocity_noise),
-                s.velocity_step,
-            ),
-            wheel_turn_rate=s.velocity_gain * turn_rate + gauss(0.0, s.turn_rate_noise),
+            current_counts=current_counts,
+            voltage_counts=voltage_counts,
+            left_speed=quantised(velocity - turning, s.speed_step),
+            right_speed=quantised(velocity + turning, s.speed_step),
             gyroscope=s.gyroscope_gain * chassis.turn.velocity
             + s.gyroscope_offset
             + gauss(0.0, s.gyroscope_noise),

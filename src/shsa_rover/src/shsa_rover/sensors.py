@@ -1,24 +1,27 @@
 """Sensors of the rover: noise, gains, offsets and steps."""
 from dataclasses import dataclass
 
+from shsa_rover.chassis import ChassisParameters
+from shsa_rover.voltage_sensor import VoltageSensor
+
+TRACK = ChassisParameters.track  # m, by which the wheels' speeds tell a turn rate
+
 
 @dataclass(frozen=True)
 class SensorParameters:
     """Noise (standard deviations), gains, offsets and smallest steps of the sensors.
 
     Current: 7 mV peak to peak (ACS712 x30A data sheet), i.e. about 1.1 mV or 16 mA; its gain and
-    offset are in `CurrentSensor`. Velocity: 1 mm/s steps as in the robot's serial packets. The rest
-    are estimates: voltage by a 10-bit ADC over 16.5 V; a MEMS gyroscope and accelerometer on a
-    vibrating robot.
+    offset are in `CurrentSensor`. Speeds of the wheels: 1 mm/s steps, as in the robot's serial
+    packets. The rest are estimates, of a MEMS gyroscope and accelerometer on a vibrating robot.
     """
 
     current_noise: float = 0.016  # A
     voltage_noise: float = 0.010  # V
-    voltage_step: float = 16.5 / 1024  # V
     voltage_gain: float = 1.0
     voltage_offset: float = 0.0  # V
     velocity_noise: float = 0.0008  # m/s
-    velocity_step: float = 0.001  # m/s
+    speed_step: float = 0.001  # m/s, of each side
     velocity_gain: float = 1.0  # of both sides: the tyres' real circumference is another
     turn_rate_noise: float = 0.004  # rad/s, from the wheels
     gyroscope_noise: float = 0.02  # rad/s
@@ -30,13 +33,18 @@ class SensorParameters:
 
     @property
     def velocity_variance(self) -> float:
-        """m^2/s^2: noise and steps."""
-        return self.velocity_noise**2 + quantisation_variance(self.velocity_step)
+        """m^2/s^2: noise, and the steps of both sides."""
+        return self.velocity_noise**2 + 0.5 * quantisation_variance(self.speed_step)
+
+    @property
+    def turn_rate_variance(self) -> float:
+        """rad^2/s^2, from the wheels: noise, and the steps of both sides."""
+        return self.turn_rate_noise**2 + 2.0 * quantisation_variance(self.speed_step / TRACK)
 
     @property
     def voltage_variance(self) -> float:
         """V^2: noise and steps."""
-        return self.voltage_noise**2 + quantisation_variance(self.voltage_step)
+        return self.voltage_noise**2 + quantisation_variance(VoltageSensor().resolution)
 
     @property
     def gyroscope_variance(self) -> float:
@@ -51,14 +59,32 @@ class SensorParameters:
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings of the sensors: ADC counts of the current, and SI units for the rest."""
+    """Readings of the sensors: ADC counts of current and voltage, and SI units for the rest.
+
+    `left_speed` and `right_speed` are those of the wheels.
+    """
 
     current_counts: int
-    battery_voltage: float
-    wheel_velocity: float
-    wheel_turn_rate: float
+    voltage_counts: int
+    left_speed: float
+    right_speed: float
     gyroscope: float
     accelerometer: float
+
+    @property
+    def battery_voltage(self) -> float:
+        """V."""
+        return VoltageSensor().volts(self.voltage_counts)
+
+    @property
+    def wheel_velocity(self) -> float:
+        """m/s."""
+        return 0.5 * (self.left_speed + self.right_speed)
+
+    @property
+    def wheel_turn_rate(self) -> float:
+        """rad/s."""
+        return (self.right_speed - self.left_speed) / TRACK
 
 
 def quantisation_variance(step: float) -> float:

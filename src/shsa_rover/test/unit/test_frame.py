@@ -158,14 +158,14 @@ def test_random_noise_passes_a_checksum_no_oftener_than_16_bits_let_it() -> None
 
 
 def test_how_often_a_flipped_bit_in_the_papers_frame_is_a_wrong_value() -> None:
-    """The share that the documentation states: ten of the 56 bits are the value's."""
+    """The share that the documentation states: 20 of the 72 bits are the two values'."""
     wrong = total = 0
     for count in range(0, 1024, 11):
-        for bad in flips(encode([count]), 1):
+        for bad in flips(encode([count, 760]), 1):
             frames = Parser().feed(bad)
-            wrong += any(frame.channels != (count,) for frame in frames)
+            wrong += any(frame.channels != (count, 760) for frame in frames)
             total += 1
-    assert wrong / total == pytest.approx(10 / 56)
+    assert wrong / total == pytest.approx(20 / 72)
 
 
 @given(st.lists(counts, max_size=10), st.lists(st.integers(0, 300), max_size=20))

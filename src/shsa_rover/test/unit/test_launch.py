@@ -11,7 +11,14 @@ from shsa_rover.conductor import command
 
 LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
-SIMULATED = DRIVERS | {"rover_simulator", "soc_estimator", "driver"}
+SIMULATED = DRIVERS | {"motors", "rover_simulator", "soc_estimator", "driver"}
+PORTS = {
+    "/amperemeter/port": "port",
+    "/voltmeter/port": "voltage_port",
+    "/drivetrain/port": "base_port",
+    "/motors/port": "base_port",
+    "/imu/port": "imu_port",
+}
 
 
 def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
@@ -32,12 +39,14 @@ def parameters(config: roslaunch.ROSLaunchConfig) -> Dict[str, object]:
     return {name: parameter.value for name, parameter in config.params.items()}
 
 
-def test_the_simulated_rover_has_one_port_of_its_own() -> None:
+def test_the_simulated_rover_has_ports_of_its_own() -> None:
     config = load("healing:=false")
     assert names(config) == SIMULATED
     values = parameters(config)
-    assert values["/amperemeter/port"] == values["/rover_simulator/port"]
-    assert str(values["/amperemeter/port"]).startswith("/tmp/")
+    for port, simulated in PORTS.items():
+        assert values[port] == values[f"/rover_simulator/{simulated}"]
+    used = [values[port] for port in PORTS]
+    assert len(set(used)) == len(used) - 1 and all(str(port).startswith("/tmp/") for port in used)
     assert parameters(load("healing:=false"))["/amperemeter/port"] != values["/amperemeter/port"]
 
 
@@ -80,7 +89,12 @@ def test_gates_stand_before_the_needed_services() -> None:
 def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
     config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
     assert names(config) == SIMULATED - {"rover_simulator"}
-    assert parameters(config)["/amperemeter/port"] == "/dev/ttyAMA0"
+    values = parameters(config)
+    assert values["/amperemeter/port"] == values["/voltmeter/port"] == "/dev/ttyAMA0"
+    assert all(str(values[port]).startswith("/dev/") for port in PORTS)
+    given = [f"{name}:=/dev/{name}" for name in set(PORTS.values())]
+    values = parameters(load("sim:=false", *given, "healing:=false"))
+    assert {port: values[port] for port in PORTS} == {p: f"/dev/{n}" for p, n in PORTS.items()}
 
 
 def test_healing_is_there_unless_it_is_switched_off() -> None:
@@ -120,7 +134,7 @@ def test_the_view_is_there_if_it_is_asked_for() -> None:
     "here, expected",
     [
         ("raspberry_pi", {"amperemeter", "imu"}),
-        ("mainboard", {"drivetrain", "voltmeter", "soc_estimator"}),
+        ("mainboard", {"drivetrain", "motors", "voltmeter", "soc_estimator"}),
         ("notebook", {"driver"}),
     ],
 )
@@ -153,8 +167,8 @@ def machines(*arguments: str) -> Dict[str, Set[str]]:
 
 
 GROUPS = {
-    "raspberry_pi": {"amperemeter", "imu", "rover_simulator"},
-    "mainboard": {"drivetrain", "voltmeter", "soc_estimator"},
+    "raspberry_pi": {"amperemeter", "imu"},
+    "mainboard": {"drivetrain", "motors", "voltmeter", "soc_estimator", "rover_simulator"},
     "notebook": {"driver"},
 }
 

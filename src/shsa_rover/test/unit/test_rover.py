@@ -11,7 +11,7 @@ from shsa_rover.chassis import Chassis, ChassisParameters
 from shsa_rover.dataset import random_drive
 from shsa_rover.drive import Drive
 from shsa_rover.rover import Rover, Truth
-from shsa_rover.sensors import Readings, quantised
+from shsa_rover.sensors import TRACK, Readings, SensorParameters, quantised
 
 STEP = 0.01
 
@@ -138,11 +138,19 @@ def test_the_sensors_tell_the_truth_up_to_noise_and_steps() -> None:
     truth = rover.truth()
     mean = {
         name: sum(getattr(r, name) for r in readings) / len(readings)
-        for name in asdict(readings[0])
+        for name in (*asdict(readings[0]), "battery_voltage")
     }
     assert mean["battery_voltage"] == pytest.approx(truth.battery_voltage, abs=0.005)
     assert mean["gyroscope"] == pytest.approx(0.002, abs=0.001)
     assert mean["accelerometer"] == pytest.approx(0.02, abs=0.003)
     assert all(r.battery_voltage == quantised(r.battery_voltage, 16.5 / 1024) for r in readings)
+    assert all(r.left_speed == quantised(r.left_speed, 0.001) for r in readings)
+    s = SensorParameters()
+    for found, stated in (
+        ([r.wheel_velocity for r in readings], s.velocity_variance),
+        ([r.wheel_turn_rate for r in readings], s.turn_rate_variance),
+    ):
+        assert sum(each**2 for each in found) / len(found) == pytest.approx(stated, rel=0.1)
+    assert TRACK == 0.39  # as the ontology has it
     spread = [r.accelerometer - mean["accelerometer"] for r in readings]
     assert math.sqrt(sum(s * s for s in spread) / len(spread)) == pytest.approx(0.05, rel=0.1)

@@ -1,6 +1,6 @@
 """The idle processes that the warm services share, and the pace of starts."""
 from math import inf
-from typing import Counter, Dict, List, Optional, Set
+from typing import Container, Counter, Dict, List, Optional, Set
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
@@ -52,11 +52,15 @@ class Pool:
         """Return the processes on a computer."""
         return [each.node for each in self.processes.values() if each.host == host]
 
-    def spare(self, host: str) -> Optional[IdleProcess]:
-        """Return a process on a computer to set to work, rather one that was heard already."""
+    def spare(self, host: str, speak: Container[str] = ()) -> Optional[IdleProcess]:
+        """Return a process on a computer to set to work, rather one that was heard already.
+
+        `speak`: who publishes the topic. One of these has taken it over by itself.
+        """
         here = [each for each in self.processes.values() if each.host == host]
         heard = [each for each in here if each.node in self.heard]
-        return next(iter(heard or here), None)
+        speaks = [each for each in here if each.node in speak]
+        return next(iter(speaks or heard or here), None)
 
     def serve(
         self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
@@ -72,6 +76,7 @@ class Pool:
             planner.outputs(plan) if plan else planner.signals_of(service),
             plan.relations if plan else (),
             plan.quality if plan else 0.0,
+            others=service.others,
             host=host,
         )
         self.plans[service.name] = row

@@ -3,6 +3,7 @@
 Each computer starts and ends processes as it is told here, and ends by itself those of ours that
 nothing wants, as after a cut.
 """
+from itertools import count
 from typing import Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan, safe_values
@@ -13,12 +14,13 @@ from shsa_core.healing.placement import Place, Placement
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess, Table
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
+from shsa_core.monitoring.events import PublisherState
 
 
 class Processes:
@@ -101,7 +103,9 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and not host and self._shares(service, plan)
-        spare = self.pool.spare(host) if is_warm(service) and not shared else None
+        rows = self._robot.health.of(service.topic).values()
+        speak = [row.publisher for row in rows if row.state is PublisherState.HEALTHY]
+        spare = self.pool.spare(host, speak) if is_warm(service) and not shared else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
@@ -240,7 +244,11 @@ class Processes:
         if idle.host:
             self._robot.elsewhere[idle.node] = idle.host
         self.pool.add(idle)
-        self.wanted.set(idle.node, Substitution(idle.node, "", (), "", (), host=idle.host))
+        taken = [row.bridge for row in self.wanted.rows.values() if row.idle]
+        turn = next(turn for turn in count(1) if turn * ANSWER_S not in taken)
+        alone = 0.0 if idle.host else turn * ANSWER_S
+        row = Substitution(idle.node, "", (), "", (), host=idle.host, bridge=alone)
+        self.wanted.set(idle.node, row)
         self._robot.records.set(idle.key, idle)
 
     def validate(self, owned: Collection[str]) -> None:
@@ -354,10 +362,12 @@ class Substitute:
         if self.node:
             commands.append(events.AssignSubstitute(self.node))
         else:
-            self.working_since, self.host = now, host
+            self.host = host
             command = self._processes.set_to_work(service, self, ahead)
             commands.append(command)
             starts = isinstance(command, events.StartSubstitute)
+            if starts or ahead:  # an idle one may have taken the topic over by itself
+                self.working_since = now
         # One that was started a moment ago is on its way: another one would come up no sooner.
         coming_up = self.started + robot.settings.start_timeout - now
         self.patience = max(TAKEOVER_S, coming_up)

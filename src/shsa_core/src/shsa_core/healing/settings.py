@@ -50,7 +50,9 @@ class Settings:
 SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
 START_S = 5.0  # that a process may take to come up: what depends on it is not late before
 LONGEST_START_S = 20.0  # on a busy computer; what has lived so long comes up, and stays
-ANSWER_S = 0.5  # that a monitor has to send its table when its computer seems lost
+# That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
+# sign of life: then the first idle process takes over by itself, each further one as much later.
+ANSWER_S = 0.5
 
 # How a node is ended.
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take

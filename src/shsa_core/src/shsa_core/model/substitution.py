@@ -26,9 +26,10 @@ class Substitution:
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
     reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
     reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
-    for was only silent. `bridge`: the silence in s of others after
-    which it fills in while it is muted, 0: it does not. `gated`: it publishes always, a gate
-    chooses. `shared`: other substitutes run in the same node, and have rows of their own.
+    for was only silent. `bridge`: the silence in s of others after which it fills in while it is
+    muted, 0: it does not; an idle process takes a topic over by itself after such a silence of the
+    reconfigurator. `gated`: it publishes always, a gate chooses. `shared`: other substitutes run in
+    the same node, and have rows of their own.
     `template`: a message of the original when it was well, serialized; empty: not known.
     """
 

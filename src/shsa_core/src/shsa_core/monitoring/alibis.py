@@ -154,6 +154,12 @@ ROWS = (
         lambda case: case.began + TOGETHER_S,
     ),
     Row(
+        "it did well before, and connections take longer while processor time is short",
+        _START,
+        lambda case: case.formerly and case.short + CHANGEOVER_S >= case.began,
+        lambda case: case.began + TOGETHER_S,
+    ),
+    Row(
         "nothing of the robot is there yet",
         _START,
         lambda case: not (case.robot_came or case.formerly),

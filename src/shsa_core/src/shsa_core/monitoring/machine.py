@@ -30,7 +30,7 @@ class Monitor:
         self._som = Som()
         self._board = Board()
         self._around = Surroundings(lambda: (each for _, each in self._board.all()))
-        self._start_up = StartUp(self._board, settings.startup_grace)
+        self._start_up = StartUp(self._board, settings.startup_grace, self._around)
         self._judgement = Judgement(self._board, self._around, self._comparisons)
         self._changes: List[changes.Change] = []
         self._pace = Pace()

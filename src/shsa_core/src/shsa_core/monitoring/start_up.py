@@ -8,6 +8,7 @@ from shsa_core.monitoring.board import FAILED, Board, Grace
 from shsa_core.monitoring.events import FormerlyHealthy, Told
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
 from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S
+from shsa_core.monitoring.surroundings import Surroundings
 
 
 class StartUp:
@@ -17,8 +18,8 @@ class StartUp:
     monitor is there already, and is missed soon.
     """
 
-    def __init__(self, board: Board, grace: float) -> None:
-        self._board, self._grace = board, grace
+    def __init__(self, board: Board, grace: float, around: Surroundings) -> None:
+        self._board, self._grace, self._around = board, grace, around
         self._robot_came = False
         self._awaited: Optional[str] = None
 
@@ -100,6 +101,7 @@ class StartUp:
                 Blame.START,
                 time,
                 began=told,
+                short=self._around.short(formerly),
                 together=len(self._unheard()) if formerly else 1,
                 subscribed=topic.subscribed,
                 robot_came=self._robot_came,

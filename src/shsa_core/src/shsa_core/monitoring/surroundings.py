@@ -54,6 +54,10 @@ class Surroundings:
                 self._short[node] = time
             self._waited[node] = time, seconds
 
+    def short(self, node: str) -> float:
+        """Return when a node, or the computer, was short of processor time last; -inf: never."""
+        return max(self._short.get(each, -inf) for each in ("", node))
+
     def silence(self, publisher: Publisher) -> Case:
         """Return the case of a publisher that is silent for longer than it is allowed."""
         since, watch = publisher.silent_since or 0.0, self.watch
@@ -119,7 +123,7 @@ class Surroundings:
             began,
             connected=next((at for name, at in reversed(self._connected) if name == node), -inf),
             came_up=self._came_up,
-            short=max(self._short.get(each, -inf) for each in ("", node)),
+            short=self.short(node),
             together=together,
         )
 

@@ -2,6 +2,7 @@
 import functools
 import os
 import threading
+import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Callable, Optional, Union
 
@@ -20,7 +21,7 @@ from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG
 from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer, hears
-from shsa_core.ros.row_reader import RowReader, unusable
+from shsa_core.ros.row_reader import RowReader, last_message, unusable
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
@@ -90,6 +91,8 @@ class SubstituteNode:
                 events.Remind: self._remind,
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
+                events.LookAtHealer: self._look_at_healer,
+                events.TakeOver: self._take_over,
                 events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
                 events.Log: lambda c: LOG[c.level]("%s: %s", self._name, c.text),
@@ -115,6 +118,10 @@ class SubstituteNode:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
             self._telling.put(self._failures)  # known before it has something to tell
+            if self._rows.idle and not self._row.shared:
+                checked = self._signing.checked(names.FAILURES, msg.Failure)
+                hear = functools.partial(self._signing.subscribe, names.FAILURES, checked)
+                self._telling.put(lambda: hear(self._failed))
         alone = cut_off = False
         while not rospy.is_shutdown():
             wait = min(settings.TURN_S, self._core.next_deadline - self._clock.now())
@@ -140,12 +147,20 @@ class SubstituteNode:
 
     def _table(self, message: msg.Substitutions) -> None:
         for event in self._rows.read(message, self._clock.now()):
-            if isinstance(event, events.RowChanged) and not event.row.idle:
-                row = event.row
-                self._inputs.read(signal.topic for signal in row.inputs)
-                if row.publishing or not row.shared:
-                    self._hurry.set()
-            self._inputs.put(event)
+            self._changed(event)
+
+    def _changed(self, event: events.Event) -> None:
+        if isinstance(event, events.RowChanged) and not event.row.idle:
+            row = event.row
+            self._inputs.read(signal.topic for signal in row.inputs)
+            if row.publishing or not row.shared:
+                self._hurry.set()
+        self._inputs.put(event)
+
+    def _failed(self, failure: msg.Failure) -> None:
+        if failure.kind == msg.Failure.NODE_GONE:
+            last = bytes(failure.last_message)
+            self._inputs.put(events.NodeGone(self._clock.now(), failure.topic, last))
 
     # Commands.
 
@@ -157,6 +172,16 @@ class SubstituteNode:
         stands = self._inputs.stands(look.topic, look.publisher)
         alone = not self._heart.beat(at_once=True) or not (self._host or hears(MONITOR))
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
+
+    def _look_at_healer(self, _: events.LookAtHealer) -> None:
+        self._heart.beat(at_once=True)
+        ago = time.monotonic() - self._heart.answered
+        self._inputs.put(events.HealerHeard(self._clock.now(), ago))
+
+    def _take_over(self, command: events.TakeOver) -> None:
+        row, now = command.row, self._clock.now()
+        last, ros_time = last_message(row), clock.ros_ns()
+        self._changed(events.RowChanged(now, row, unusable(row), last, ros_time))
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:

@@ -169,6 +169,21 @@ class ReachChanged(Event):
 
 
 @dataclass(frozen=True)
+class NodeGone(Event):
+    """The monitor tells that the node of a topic is gone; `last_message`: as a row has it."""
+
+    topic: str
+    last_message: bytes = b""
+
+
+@dataclass(frozen=True)
+class HealerHeard(Event):
+    """The answer to a look: the last sign of life of a reconfigurator came so long `ago`, in s."""
+
+    ago: float
+
+
+@dataclass(frozen=True)
 class Tick(Event):
     """Time passes."""
 
@@ -258,6 +273,18 @@ class Remind:
 
 
 @dataclass(frozen=True)
+class LookAtHealer:
+    """Ask when a reconfigurator gave a sign of life (HealerHeard)."""
+
+
+@dataclass(frozen=True)
+class TakeOver:
+    """Follow this row as if it came from the table (RowChanged): no reconfigurator is there."""
+
+    row: Substitution
+
+
+@dataclass(frozen=True)
 class TellNoValue:
     """Tell the reconfigurator that the program has no value now: its law does not hold."""
 
@@ -283,6 +310,8 @@ Command = Union[
     Remind,
     LookAtOriginal,
     LookAtOthers,
+    LookAtHealer,
+    TakeOver,
     TellNoValue,
     GiveUp,
     Log,

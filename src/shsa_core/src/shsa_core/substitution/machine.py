@@ -10,11 +10,12 @@ from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
+from shsa_core.substitution.alone import Alone
 from shsa_core.substitution.events import Command, Event, LastMessage, Log
 from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.job import Job, Stamps, Words, words
 from shsa_core.substitution.speech import Speech
-from shsa_core.substitution.voice import Voice
+from shsa_core.substitution.voice import Heard, Voice
 
 
 class Substitute:
@@ -33,6 +34,7 @@ class Substitute:
         self._stamps = Stamps()
         self._advertising = Advertising()
         self._speech = Speech(self._sources)
+        self._alone = Alone()
         self._overheard: Set[str] = set()
         self._composed: Optional[events.Compose] = None
         self._types: Dict[str, str] = {}
@@ -52,10 +54,12 @@ class Substitute:
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
                 events.ConsumerJoined: self._consumer_joined,
                 events.OriginalServes: self._speech.handover.answer,
-                events.OtherHeard: others.hear,
+                events.OtherHeard: self._other_heard,
                 events.OtherGone: self._other_gone,
                 events.OthersStand: others.answer,
                 events.ReachChanged: lambda e: others.reach(e.cut_off),
+                events.NodeGone: lambda e: self._alone.gone(e, self.row),
+                events.HealerHeard: lambda e: self._alone.answer(e, self.row, self._plans.values()),
                 events.Tick: lambda e: None,  # what is due by then is done after any event
             },
         )
@@ -72,6 +76,7 @@ class Substitute:
         commands += self._publish()
         commands += self._speech.handover.due(now)
         commands += self._advertising.due(now)
+        commands += self._alone.due(now)
         commands += [] if self._speech.hands_over(now) else self._speech.others.due(now)
         self._said, self._wanted = commands, self.next_deadline
         return commands
@@ -83,7 +88,8 @@ class Substitute:
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         speech = self._speech
         others = speech.others.next(self._now, not speech.hands_over(self._now))
-        return min(due, speech.handover.next(), self._advertising.next(), others)
+        alone = self._alone.look
+        return min(due, speech.handover.next(), self._advertising.next(), others, alone)
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -144,6 +150,9 @@ class Substitute:
 
     def _row_changed(self, event: events.RowChanged) -> List[Command]:
         """Follow the row; give up where it cannot do what it was started for."""
+        speaks = self.publishing and self._values() is not None
+        if not self._alone.counts(event.row, self._job is not None, speaks):
+            return []
         first = not self.row.node
         self._stamps.clock(event.time, event.ros_time)
         self._unusable.update(event.unusable)
@@ -277,15 +286,24 @@ class Substitute:
 
     def _speak(self) -> List[Command]:
         """Take up the voice that is right now: who fills in starts from what was heard last."""
+        idle, others = self._alone.idle, self._speech.others
+        if idle is not None and self._job is not None and others.heard is Heard.RIVAL:
+            if self._alone.leaves(others.last.publisher):
+                self._alone.idle = None
+                return self._follow(idle, None)
         fills_in = self._speech.update(self._now, self.row, self._job)
         if not fills_in or self._composed is None:
             return []
-        self._stamps.begin(self._composed.topic, self._speech.others.last.stamp)
+        self._stamps.begin(self._composed.topic, others.last.stamp)
         self._composed = replace(self._composed, overheard=True)
         return [self._composed]
 
     def _sources(self) -> Tuple[str, ...]:
         return () if self._job is None else self._readings.sources(self._job.inputs)
+
+    def _other_heard(self, event: events.OtherHeard) -> None:
+        self._alone.hear(event)
+        self._speech.others.hear(event)
 
     def _other_gone(self, event: events.OtherGone) -> None:
         if not self._speech.hands_over(self._now):

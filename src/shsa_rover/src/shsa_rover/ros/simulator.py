@@ -1,22 +1,17 @@
 """`rover_simulator`: stands for the rover's hardware, in real time."""
-import math
 import time
+from contextlib import ExitStack, closing
 from dataclasses import asdict, replace
 
 import rospy
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry as OdometryMessage
-from sensor_msgs.msg import Imu
 from shsa_msgs.msg import Float64Stamped
-from std_msgs.msg import Float64
 
 from shsa_core.ros.node import run
-from shsa_rover.covariance import diagonal
-from shsa_rover.frame import encode
+from shsa_rover import frame, imu_sentence
+from shsa_rover.pioneer_base import PioneerBase
 from shsa_rover.pseudo_terminal import PseudoTerminal
 from shsa_rover.ros.parameters import flag_parameter, number_parameter, text_parameter
 from shsa_rover.rover import Rover, Truth
-from shsa_rover.sensors import Readings, SensorParameters
 from shsa_rover.worlds import GREATEST_PAYLOAD, STEEPEST, World, named_world
 
 STEP_S = 0.01
@@ -36,44 +31,59 @@ def world_parameters(seed: int) -> World:
     )
 
 
+class Lines:
+    """The serial lines of the hardware, as pseudo-terminals.
+
+    The microcontroller only sends: its wire goes to both computers, and `microcontroller` has a
+    port for each of them.
+    """
+
+    def __init__(self, ports: ExitStack) -> None:
+        first = text_parameter("~port")
+
+        def plug_in(name: str) -> PseudoTerminal:
+            port = text_parameter(f"~{name}_port", f"{first}_{name}")
+            return ports.enter_context(closing(PseudoTerminal(port)))
+
+        self.microcontroller = (
+            ports.enter_context(closing(PseudoTerminal(first))),
+            plug_in("voltage"),
+        )
+        self.base = plug_in("base")
+        self.imu = plug_in("imu")
+
+
 class Simulator:
-    """Steps the rover, feeds the sensor nodes, and plays the microcontroller on its port."""
+    """Steps the rover, and plays its microcontroller, its base and its IMU on their lines."""
 
     def __init__(self) -> None:
         seed = int(number_parameter("~seed", 0, 0, 2**31))
         self._rover = Rover(seed, world=world_parameters(seed))
+        self._base = PioneerBase()
         self._checked = flag_parameter("~checksum", False)
-        sensors = SensorParameters()
-        self._wheels = diagonal(6, {0: sensors.velocity_variance, 5: sensors.turn_rate_noise**2})
-        self._gyroscope = diagonal(3, {2: sensors.gyroscope_variance})
-        self._accelerometer = diagonal(3, {0: sensors.accelerometer_variance})
-        self._odometry = rospy.Publisher("hardware/pose", OdometryMessage, queue_size=10)
-        self._imu = rospy.Publisher("hardware/imu", Imu, queue_size=10)
-        self._voltage = rospy.Publisher("hardware/battery_voltage", Float64, queue_size=10)
         self._truth = {
             name: rospy.Publisher(f"simulation/{name}", Float64Stamped, queue_size=10)
             for name in Truth.__dataclass_fields__
         }
-        # rospy calls back from a thread of its own: the command is one tuple, so that it changes as
-        # a whole.
-        self._command = (0.0, 0.0, 0)
-        self._commands_seen = 0
-        rospy.Subscriber("cmd_vel", Twist, self._on_command, queue_size=1)
 
     def run(self) -> None:
-        """Runs until the node shuts down; the line's link is removed at the end."""
-        line = PseudoTerminal(text_parameter("~port"))
-        rospy.loginfo("The simulated rover is ready. Its microcontroller is at %s.", line.link)
-        try:
-            self._loop(line)
-        finally:
-            line.close()
+        """Runs until the node shuts down; the lines' links are removed at the end."""
+        with ExitStack() as ports:
+            lines = Lines(ports)
+            rospy.loginfo(
+                "The simulated rover is ready. Its microcontroller is at %s, its base at %s, its"
+                " IMU at %s.",
+                " and ".join(line.link for line in lines.microcontroller),
+                lines.base.link,
+                lines.imu.link,
+            )
+            self._loop(lines)
 
-    def _loop(self, line: PseudoTerminal) -> None:
+    def _loop(self, lines: Lines) -> None:
         period = STEP_S * STEPS_PER_SAMPLE
         due = time.monotonic()
         while not rospy.is_shutdown():
-            self._sample(line)
+            self._sample(lines)
             due += period
             wait = due - time.monotonic()
             if wait > 0.0:
@@ -82,17 +92,15 @@ class Simulator:
                 rospy.logwarn("The simulation was held up for %.1f s, which it skips.", -wait)
                 due = time.monotonic()
 
-    def _sample(self, line: PseudoTerminal) -> None:
-        velocity, turn_rate, number = self._command
-        if number != self._commands_seen:
-            self._commands_seen = number
-            self._rover.command(velocity, turn_rate)
+    def _sample(self, lines: Lines) -> None:
+        heard = self._base.heard
+        lines.base.write(self._base.feed(lines.base.read()))
+        if self._base.heard != heard:  # which also resets its watchdog
+            self._rover.command(self._base.velocity, self._base.turn_rate)
         for _ in range(STEPS_PER_SAMPLE):
             self._rover.step(STEP_S)
-        readings = self._rover.measure()
-        line.write(encode([readings.current_counts], self._checked))
+        self._send(lines)
         stamp = rospy.Time.now()
-        self._publish_readings(readings, stamp)
         for name, value in asdict(self._rover.truth()).items():
             publisher = self._truth[name]
             if publisher.get_num_connections():
@@ -100,35 +108,14 @@ class Simulator:
                 message.header.stamp = stamp
                 publisher.publish(message)
 
-    def _publish_readings(self, readings: Readings, stamp: rospy.Time) -> None:
-        odometry = OdometryMessage()
-        odometry.header.stamp = stamp
-        odometry.header.frame_id = "odom"
-        odometry.child_frame_id = "base_link"
-        odometry.pose.pose.orientation.w = 1.0
-        odometry.twist.twist.linear.x = readings.wheel_velocity
-        odometry.twist.twist.angular.z = readings.wheel_turn_rate
-        odometry.pose.covariance = diagonal(6, {})
-        odometry.twist.covariance = self._wheels
-        self._odometry.publish(odometry)
-        imu = Imu()
-        imu.header.stamp = stamp
-        imu.header.frame_id = "imu_link"
-        imu.orientation.w = 1.0
-        imu.orientation_covariance[0] = -1.0
-        imu.angular_velocity_covariance = self._gyroscope
-        imu.linear_acceleration_covariance = self._accelerometer
-        imu.angular_velocity.z = readings.gyroscope
-        imu.linear_acceleration.x = readings.accelerometer
-        self._imu.publish(imu)
-        self._voltage.publish(Float64(readings.battery_voltage))
-
-    def _on_command(self, message: Twist) -> None:
-        velocity, turn_rate = message.linear.x, message.angular.z
-        if math.isfinite(velocity) and math.isfinite(turn_rate):
-            self._command = (velocity, turn_rate, self._command[2] + 1)
-        else:
-            rospy.logwarn_throttle(5.0, "A command that is not a number is ignored.")
+    def _send(self, lines: Lines) -> None:
+        seen = self._rover.measure()
+        counts = frame.encode([seen.current_counts, seen.voltage_counts], self._checked)
+        for line in lines.microcontroller:
+            line.write(counts)
+        lines.base.write(self._base.report(seen.left_speed, seen.right_speed, seen.battery_voltage))
+        reading = imu_sentence.ImuReading(seen.gyroscope, seen.accelerometer)
+        lines.imu.write(imu_sentence.encode(reading))
 
 
 def main() -> None:

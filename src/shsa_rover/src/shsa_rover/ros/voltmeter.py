@@ -1,25 +1,15 @@
-"""`voltmeter`: the battery's voltage from the motor controller."""
-import rospy
-from shsa_msgs.msg import Float64Stamped
-from std_msgs.msg import Float64
-
-from shsa_core.ros.node import publish, run
+"""`voltmeter`: the gateway from the microcontroller's serial line to `/battery_voltage`."""
+from shsa_core.ros.node import run
+from shsa_rover.frame import VOLTAGE
+from shsa_rover.ros.analog import publish_channel
 from shsa_rover.sensors import SensorParameters
+from shsa_rover.voltage_sensor import VoltageSensor
 
 
 def serve() -> None:
-    """Publishes what the hardware says, with the time of its arrival."""
+    """Publishes volts until the node shuts down."""
     variance = SensorParameters().voltage_variance
-    publisher = rospy.Publisher("battery_voltage", Float64Stamped, queue_size=10)
-
-    def forward(reading: Float64) -> None:
-        message = Float64Stamped(data=reading.data, variance=variance)
-        message.header.stamp = rospy.Time.now()
-        message.header.frame_id = "battery"
-        publish(publisher, message)
-
-    rospy.Subscriber("hardware/battery_voltage", Float64, forward, queue_size=1, tcp_nodelay=True)
-    rospy.spin()
+    publish_channel(VOLTAGE, "battery_voltage", VoltageSensor().volts, variance)
 
 
 def main() -> None:

@@ -55,7 +55,7 @@ class Sign(NamedTuple):
 
 
 class Heart:
-    """Sends heartbeats to the hearer `role`, if there is one."""
+    """Sends heartbeats to the hearer `role`, if there is one, which has `answered` last; in s."""
 
     def __init__(self, role: str) -> None:
         self._name = rospy.get_name().encode()
@@ -65,7 +65,7 @@ class Heart:
         except OSError as error:
             rospy.logwarn("Our heartbeats cannot be sent: %s", error)
         self._due = 0.0
-        self._heard = time.monotonic()
+        self._heard = self.answered = time.monotonic()
         self._cut_off = float("-inf")  # when that was told last
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         # The system gives it an address with this, so that it can be answered.
@@ -103,7 +103,8 @@ class Heart:
         with suppress(OSError):  # there is none left
             while True:
                 cut_off = self._socket.recv(LONGEST_B) == CUT_OFF
-                self._cut_off = time.monotonic() if cut_off else float("-inf")
+                self.answered = time.monotonic()
+                self._cut_off = self.answered if cut_off else float("-inf")
 
 
 class Signs:
