@@ -68,10 +68,16 @@ def test_who_was_well_and_is_connected_but_silent_is_blamed_by_name() -> None:
     assert [each.publisher for each in bench.failures] == [NODE]
 
 
-@pytest.mark.parametrize("share, after", [(0.9, 5.0), (0.1, 1.0)])
-def test_who_was_well_has_longer_to_connect_on_a_busy_computer(share: float, after: float) -> None:
+@pytest.mark.parametrize(
+    "share, there, after", [(0.9, True, 5.0), (0.1, True, 1.0), (0.9, False, 1.0)]
+)
+def test_who_was_well_and_is_there_has_longer_to_be_heard_on_a_busy_computer(
+    share: float, there: bool, after: float
+) -> None:
     bench = Bench(alone=True)
     bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    if there:
+        bench.connect()
     began = bench.now
     while not bench.failures and bench.now < began + 9.0:
         bench.wait(PERIOD)

@@ -154,7 +154,7 @@ ROWS = (
         lambda case: case.began + TOGETHER_S,
     ),
     Row(
-        "it did well before, and connections take longer while processor time is short",
+        "it did well before and is there, but the computer is short of processor time",
         _START,
         lambda case: case.formerly and case.short + CHANGEOVER_S >= case.began,
         lambda case: case.began + TOGETHER_S,

@@ -96,12 +96,13 @@ class StartUp:
 
     def _miss(self, topic: WatchedTopic, watched: WatchedService, time: float) -> None:
         formerly, told = watched.formerly
+        there = formerly in topic.publishers and topic.publishers[formerly].connected
         alibi = decide(
             Case(
                 Blame.START,
                 time,
                 began=told,
-                short=self._around.short(formerly),
+                short=self._around.short(formerly) if there else -inf,
                 together=len(self._unheard()) if formerly else 1,
                 subscribed=topic.subscribed,
                 robot_came=self._robot_came,
