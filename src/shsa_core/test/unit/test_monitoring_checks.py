@@ -352,11 +352,17 @@ def test_what_is_not_usual_again_and_again_is_told_once_of_each_value() -> None:
     assert len(bench.told) == 3
 
 
-def fed(*names: str, **changes: Any) -> Bench:
+def fed(*names: str) -> Bench:
     """A chain of services, each computed from the one before; all do well."""
     chain = [
-        service(provision(property=each), name=each, topic="/" + each, node=f"/{each}_n", **more)
-        for each, more in zip(names, [{}, *({"derived_from": (name,)} for name in names)])
+        service(
+            provision(property=each),
+            name=each,
+            topic="/" + each,
+            node=f"/{each}_n",
+            derived_from=tuple(names[place - 1 : place]),
+        )
+        for place, each in enumerate(names)
     ]
     bench = Bench(*chain)
     for each in chain:
