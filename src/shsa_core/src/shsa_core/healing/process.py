@@ -103,7 +103,7 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and not host and self._shares(service, plan)
-        rows = self._robot.health.of(service.topic).values()
+        rows = self._robot.health.rows.get(service.topic, {}).values()
         speak = [row.publisher for row in rows if row.state is PublisherState.HEALTHY]
         spare = self.pool.spare(host, speak) if is_warm(service) and not shared else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
