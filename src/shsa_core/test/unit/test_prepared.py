@@ -61,7 +61,9 @@ class Bench:
         return process.pid if process is not None and self.forking._line is not None else 0
 
     def close(self) -> None:
-        """End all processes."""
+        """End all processes; without a master they would take their time to leave."""
+        for process in list(self.ours.children._running.values()):
+            process.kill()
         for node in self.ours.children.running():
             self.ours.children.stop(node)
         with patch.object(rospy, "is_shutdown", lambda: True):
