@@ -301,6 +301,14 @@ def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
         each.close()
 
 
+def test_who_has_many_addresses_clears_no_debt() -> None:
+    debts = callers.Debts()
+    debts.owed("10.0.0.1", 100.0)
+    for number in range(2 * settings.MOST_API_CONNECTIONS):
+        debts.owed(f"10.0.1.{number}", 1e-6)
+    assert debts.owed("10.0.0.1") > 0.0
+
+
 def test_another_user_pays_for_what_it_subscribes_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred of its subscribers cost a gate a third of a processor; computers rely on it."""
     used, waits = [0.0], []  # type: List[float], List[float]

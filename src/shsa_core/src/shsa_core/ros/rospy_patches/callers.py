@@ -44,8 +44,8 @@ class Debts:
         now = time.monotonic()
         debt, at = self._debts.get(caller, (0.0, now))
         debt = max(0.0, debt - settings.CALLER_SHARE * (now - at)) + spent
-        if len(self._debts) >= settings.MOST_API_CONNECTIONS:
-            self._debts.clear()
+        if len(self._debts) >= settings.MOST_API_CONNECTIONS:  # who has many names clears no debt
+            self._debts.pop(min(list(self._debts.items()), key=lambda each: each[1])[0], None)
         self._debts[caller] = debt, now
         return max(0.0, debt - settings.CALLER_CREDIT_S) / settings.CALLER_SHARE
 
