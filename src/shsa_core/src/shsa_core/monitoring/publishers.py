@@ -17,7 +17,6 @@ from shsa_core.monitoring.witness import Suspicion
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
-
 NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 
 
