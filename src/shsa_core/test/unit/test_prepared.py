@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Dict, Iterator, List
@@ -63,7 +64,8 @@ class Bench:
     def close(self) -> None:
         """End all processes; without a master they would take their time to leave."""
         for process in list(self.ours.children._running.values()):
-            process.kill()
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
         for node in self.ours.children.running():
             self.ours.children.stop(node)
         with patch.object(rospy, "is_shutdown", lambda: True):
