@@ -1,6 +1,7 @@
 """The robot's end of the Pioneer's protocol, without any I/O: commands in, replies out."""
 import math
 
+from contextlib import suppress
 from shsa_rover.p2os import (
     CLOSE,
     ENABLE,
@@ -59,10 +60,8 @@ class PioneerBase:
     def _answer(self, data: bytes) -> bytes:
         if self._synchronised < len(SYNC):
             return self._synchronise(data)
-        try:
+        with suppress(PacketError):  # ARCOS says nothing, either
             self._obey(decode_command(data))
-        except PacketError:
-            pass  # ARCOS says nothing, either
         return b""
 
     def _synchronise(self, data: bytes) -> bytes:
