@@ -1,7 +1,7 @@
 """The robot's end of the Pioneer's protocol, without any I/O: commands in, replies out."""
 import math
-
 from contextlib import suppress
+
 from shsa_rover.p2os import (
     CLOSE,
     ENABLE,
