@@ -36,7 +36,8 @@ class Node:
     """A publisher in plain sockets that does as it is told.
 
     `offers`: it agrees to publish; `answers`: at all; `drops`: so many connections are closed
-    before their header, and so many more (`refuses`) are told of an error. `listed`: its name at the master, which knows it by no other; empty: none.
+    before their header, and then `refuses` so many with an error. `listed`: its name at the master,
+    which knows it by no other; empty: none.
     """
 
     def __init__(self, topic: str, name: str = "/node", listed: str = "/node") -> None:
