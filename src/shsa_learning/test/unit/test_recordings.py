@@ -467,7 +467,8 @@ def test_the_bags_of_a_fleet_are_read_side_by_side(tmp_path: Path) -> None:
 def test_the_workers_of_dask_read_the_bags_of_a_fleet(tmp_path: Path, monkeypatch: Any) -> None:
     distributed = pytest.importorskip("distributed")
     paths = fleet(tmp_path, 5, 30)
-    with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
+    own = {"dashboard_address": None, "local_directory": str(tmp_path)}
+    with distributed.LocalCluster(2, threads_per_worker=1, **own) as cluster:
         check_fleet(read(paths, FLEET_SOM, dask=cluster.scheduler_address), paths)
     monkeypatch.setattr("shsa_learning.recordings.fleet.ANSWER_S", 0.5)
     with pytest.raises(ShsaError, match="--dask: no scheduler answers at tcp://127.0.0.1:1"):
