@@ -7,10 +7,8 @@ Table = Dict[Type[Any], Callable[[Any], Result]]
 
 
 def members(kind: Any) -> Tuple[Type[Any], ...]:
-    """Return the classes of a union, or those made of a dataclass of which no other is made."""
-    if get_args(kind):
-        return get_args(kind)
-    made = kind.__subclasses__() if is_dataclass(kind) else ()
+    """Return the classes of a union, or made of a dataclass, of which no other is made."""
+    made = get_args(kind) or (kind.__subclasses__() if is_dataclass(kind) else ())
     return tuple(leaf for each in made for leaf in members(each)) or (kind,)
 
 

@@ -486,10 +486,10 @@ def test_healing_advises_in_a_dry_run_and_until_the_som_says_otherwise(act: bool
     robot.fail("/a", A, 10.0, "silent")
     again = changed(som, "a", contain=Contain.NODE, period=0.1)
     robot.handle(events.SomChanged(11.0, again))
-    robot.handle(events.ModelsReloaded(12.0, ONTOLOGY, som))
+    robot.handle(events.SomChanged(12.0, som, ONTOLOGY))
     robot.handle(events.Tick(30.0))
     assert acts(robot.said) == [] and last_incident(robot.said).state is State.KEPT
-    robot.handle(events.ModelsReloaded(31.0, ONTOLOGY, Som(som)))
+    robot.handle(events.SomChanged(31.0, Som(som), ONTOLOGY))
     assert bool(acts(robot.said)) is not act
 
 
@@ -499,7 +499,7 @@ def test_what_somebody_asks_for_is_refused_if_it_would_cost_too_much() -> None:
     incident = last_incident(commands)
     assert incident.state is State.ENDED and "would cost /d" in incident.detail
     assert not has(commands, events.FindNode)
-    assert robot.core.robot.availability.states["a"].available
+    assert robot.core.robot.availability.states.rows["a"].available
 
 
 def test_a_lost_connection_ends_no_node_that_still_runs_and_does_well() -> None:

@@ -5,7 +5,7 @@ from typing import Dict, FrozenSet, Set, Tuple
 import pytest
 
 from core_robot import A, B, service
-from shsa_core.healing.duties import duties_of
+from shsa_core.analysis.duties import duties_of
 from shsa_core.healing.naming import Names
 from shsa_core.model.som import Som
 

@@ -168,7 +168,7 @@ def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 1
 
 
 def chosen(robot: Robot) -> Tuple[str, ...]:
-    return robot.core.robot.planner.ahead(robot.som.services["p"]).relations
+    return robot.core.explain("p").relations
 
 
 def test_what_was_measured_decides_value_by_value_and_its_calibrations_come_along() -> None:

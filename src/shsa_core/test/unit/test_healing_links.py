@@ -6,9 +6,8 @@ import pytest
 from core_robot import A, Robot, has, last_incident, only, publishing
 from hosts_robot import PI, back, distributed, seen, silent, steady, takes_over
 from shsa_core.healing import events
-from shsa_core.healing.settings import CERTAIN_S, Settings
+from shsa_core.healing.settings import CERTAIN_S
 from shsa_core.healing.incident import Incident, State
-from shsa_core.healing.health import Health
 from shsa_core.healing.kill import Kills
 from shsa_core.model.kinds import Contain, Standby
 
@@ -97,7 +96,7 @@ def test_a_node_is_not_killed_for_being_slow_where_too_much_is_to_be_done() -> N
 
 
 def test_who_is_slow_now_and_then_is_not_slow_for_good() -> None:
-    looks, slow = Kills(Health(), Settings()), (28.0, 0.02, False)
+    looks, slow = Kills(Robot().core.robot), (28.0, 0.02, False)
     for time in (0.0, 2.6, 20.0, 22.6):
         assert looks.doubt(time, A, *slow)
     assert looks.doubt(25.0, A, 50.0, 0.02, False) and looks.doubt(26.0, A, *slow)

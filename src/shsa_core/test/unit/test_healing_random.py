@@ -423,7 +423,7 @@ class AnyRobot(RuleBasedStateMachine):
     @rule(ontology=ontologies())
     def reload(self, ontology: Ontology) -> None:
         self.ontology = ontology
-        self.hear(events.ModelsReloaded(self.now, ontology, self.som))
+        self.hear(events.SomChanged(self.now, self.som, ontology))
 
     @rule()
     def idle(self) -> None:

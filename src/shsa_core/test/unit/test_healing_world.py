@@ -22,7 +22,7 @@ from core_robot import (
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import WELL, State, Trigger
-from shsa_core.healing.node import no_accusation
+from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import Substitute
 from shsa_core.healing.records import IdleProcess
 from shsa_core.model.kinds import Policy, Standby
@@ -214,7 +214,7 @@ def test_new_models_leave_what_runs_and_change_the_plans() -> None:
     node = robot.heal(10.0)
     assert reads(robot, node) == ("/b/data",)
     other = replace(ONTOLOGY, functions=[function("only", "a", "3 * c", 0.7)])
-    commands = robot.handle(events.ModelsReloaded(20.0, other, SOM))
+    commands = robot.handle(events.SomChanged(20.0, SOM, other))
     assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
     robot.idle(20.1)
     assert robot.core.explain("a").relations == ("only",)
@@ -374,21 +374,21 @@ def test_safe_values_promise_nothing() -> None:
             "a is being healed, and nothing will ever happen",
         ),
         (
-            lambda core, a: core.robot.availability.states.update(
-                a=core.robot.availability.states["b"]
+            lambda core, a: core.robot.availability.states.rows.update(
+                a=core.robot.availability.states.rows["b"]
             ),
             "a is healed and available at the same time",
         ),
         (
             lambda core, a: a.__dict__.update(
                 incident=WELL,
-                accusation=no_accusation(),
+                accusation=Accusation(),
                 substitute=Substitute("a", core.robot, core._processes),
             ),
             "is in the table of substitutions, but has no owner",
         ),
         (
-            lambda core, a: a.__dict__.update(incident=WELL, accusation=no_accusation()),
+            lambda core, a: a.__dict__.update(incident=WELL, accusation=Accusation()),
             "publishes for a, which is well",
         ),
     ],
@@ -436,7 +436,8 @@ def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
     robot.rows["/c", A] = replace(robot.rows["/c", A], since=10.2)
     robot.table(10.2)
     states = {
-        row.service.name: row.available for row in robot.core.robot.availability.states.values()
+        row.service.name: row.available
+        for row in robot.core.robot.availability.states.rows.values()
     }
     assert states == {"a": False, "b": True, "c": True}
     robot.row("/a", A, "healthy", 20.0)
@@ -447,7 +448,7 @@ def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
             20.2, (replace(robot.rows["/c", A], topic="/x", publisher=B, since=20.2),)
         )
     )
-    assert robot.core.robot.availability.states["b"].available
+    assert robot.core.robot.availability.states.rows["b"].available
 
 
 def test_silence_of_a_substitute_beside_its_returning_original_is_no_step() -> None:

@@ -3,6 +3,7 @@ from typing import Any, FrozenSet, List, Optional, Sequence, Tuple
 
 import pytest
 
+from core_robot import Robot
 from shsa_core.healing.events import (
     AskToLeave,
     ClearNode,
@@ -16,7 +17,6 @@ from shsa_core.healing.events import (
     ProcessUntouchable,
     Where,
 )
-from shsa_core.healing.health import Health
 from shsa_core.healing.kill import (
     KillEvent,
     KillNode,
@@ -25,7 +25,6 @@ from shsa_core.healing.kill import (
     Outcome,
     Said,
 )
-from shsa_core.healing.settings import Settings
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 N = "/node"
@@ -33,15 +32,15 @@ Parts = Tuple[List[Any], Optional[KillOver]]
 
 
 class Killing(Kills):
-    """Kills without a robot, and what is said of them in two parts."""
+    """Kills without services, and what is said of them in two parts."""
 
     def __init__(self) -> None:
-        self.health = Health()
-        super().__init__(self.health, Settings())
+        self.robot = Robot().core.robot
+        super().__init__(self.robot)
 
     @property
     def nodes(self) -> FrozenSet[str]:
-        return self.health.dying
+        return self.robot.health.dying
 
     def told(self, event: KillEvent) -> Parts:
         return parts(self.handle(event))
@@ -58,7 +57,7 @@ def parts(said: Sequence[Said]) -> Parts:
 
 def begun(urgent: bool = True, quick: bool = False) -> Killing:
     kills = Killing()
-    order = KillNode(N, urgent, quick=quick)
+    order = KillNode(N, urgent=urgent, quick=quick)
     assert kills.begin(10.0, order) == [FindNode(N, successor=urgent)]
     assert kills.nodes == {N}
     return kills
@@ -73,10 +72,8 @@ def found(kills: Killing, where: Where) -> List[Command]:
 def test_the_address_of_the_process_that_was_heard_goes_with_the_search() -> None:
     kills = Killing()
     row = PublisherHealth("/x", N, PublisherState.FAILED, 9.0, uri="http://127.0.0.1:4242/")
-    kills.health.heed(HealthSeen(9.5, (row,)))
-    assert kills.begin(10.0, KillNode(N, True, topic="/x")) == [
-        FindNode(N, True, "/x", 0.0, row.uri)
-    ]
+    kills.robot.health.heed(HealthSeen(9.5, (row,)))
+    assert kills.begin(10.0, KillNode(N, "/x")) == [FindNode(N, True, "/x", 0.0, row.uri)]
 
 
 def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
@@ -171,8 +168,8 @@ def test_a_node_that_cannot_be_found_in_time_may_still_run() -> None:
 
 def test_a_kill_that_is_under_way_is_not_begun_again() -> None:
     kills = begun()
-    assert kills.begin(10.1, KillNode(N, True)) == []
-    assert kills.begin(10.1, KillNode("", True)) == []
+    assert kills.begin(10.1, KillNode(N)) == []
+    assert kills.begin(10.1, KillNode("")) == []
 
 
 def test_what_comes_late_changes_nothing() -> None:
@@ -189,26 +186,28 @@ def test_what_comes_late_changes_nothing() -> None:
 @pytest.mark.parametrize("where", [Where.HERE, Where.STOPPED, Where.ELSEWHERE])
 def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where: Where) -> None:
     kills = Killing()
-    assert kills.begin(10.0, KillNode(N, False, if_dead=True)) == [FindNode(N, successor=False)]
+    assert kills.begin(10.0, KillNode(N, urgent=False, if_dead=True)) == [
+        FindNode(N, successor=False)
+    ]
     assert kills.told(NodeFound(10.1, N, where)) == ([], KillOver(10.1, N, Outcome.SPARED))
     assert not kills.nodes and kills.agenda.next() is None
 
 
 def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, False, if_dead=True))
+    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
     commands, over = kills.told(NodeFound(10.1, N, Where.DEAD))
     assert commands == [ClearNode(N)] and over and over.outcome is Outcome.GONE
 
 
 def test_a_node_that_cannot_be_found_in_time_is_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, False, if_dead=True))
+    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
     assert kills.passed(12.0) == ([], KillOver(12.0, N, Outcome.SPARED))
 
 
 def test_a_node_that_is_to_be_killed_after_all_is_not_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, False, if_dead=True))
-    assert kills.begin(10.01, KillNode(N, True)) == []
+    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
+    assert kills.begin(10.01, KillNode(N)) == []
     assert found(kills, Where.HERE) == [AskToLeave(N)]

@@ -126,7 +126,7 @@ def test_nothing_stands_by_anew_until_it_is_over() -> None:
     robot = Robot()
     begin(robot, 10.0)
     warm = Som([replace(first, standby=Standby.WARM), *others])
-    assert robot.handle(events.ModelsReloaded(11.0, ONTOLOGY, warm)) == []
+    assert robot.handle(events.SomChanged(11.0, warm, ONTOLOGY)) == []
     assert only(end(robot, 20.0), events.StartSubstitute).program is None
 
 
@@ -134,7 +134,7 @@ def test_models_that_were_exchanged_count_when_it_is_over() -> None:
     robot = Robot()
     begin(robot, 10.0)
     som = Som([*list(SOM)[1:], service("new", A, needed=True, topic="/a")])
-    robot.handle(events.ModelsReloaded(11.0, ONTOLOGY, som))
+    robot.handle(events.SomChanged(11.0, som, ONTOLOGY))
     assert [each.name for each in robot.core.needed()] == ["a"]
     end(robot, 20.0)
     assert [each.name for each in robot.core.needed()] == ["new"]

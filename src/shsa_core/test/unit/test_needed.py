@@ -36,7 +36,7 @@ def test_who_subscribes_decides_where_the_som_says_nothing(
     robot = robot_of(needed)
     subscribe(robot, 5.0, *nodes)
     assert has(robot.fail("/a", A, 10.0), events.StartSubstitute) is healed
-    state = robot.core.robot.availability.states["a"]
+    state = robot.core.robot.availability.states.rows["a"]
     assert (state.service.needed, len(state.consumers)) == (healed, len({*nodes} & {*CONSUMERS}))
 
 

@@ -7,8 +7,7 @@ from core_robot import A, B, C, ONTOLOGY, service
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import HostLost, HostSeen
-from shsa_core.healing.hosts import Computers
-from shsa_core.healing.placement import HERE, Place, Placement
+from shsa_core.healing.placement import HERE, Computers, Place, Placement
 from shsa_core.healing.settings import SETTLE_S, Settings
 from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cores, cost, rate, traffic
 from shsa_core.model.host import Host

@@ -19,7 +19,6 @@ from core_robot import (
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.incident import State
-from shsa_core.healing.health import Health
 from shsa_core.healing.kill import KillNode, KillOver, Kills, Outcome
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -88,7 +87,7 @@ def test_who_is_not_the_one_that_failed_is_not_touched_and_goes_on_to_count() ->
     commands = robot.handle(events.NodeFound(10.01, B, Where.ANOTHER, "it is another"))
     assert "/b_node is not touched: it is another." in decision(commands)
     assert not has(commands, events.AskToLeave) and B not in robot.core.robot.health.excluded
-    assert robot.core.robot.availability.states["b"].available
+    assert robot.core.robot.availability.states.rows["b"].available
 
 
 def test_healing_goes_on_beside_one_that_cannot_be_verified() -> None:
@@ -141,9 +140,9 @@ def test_a_node_that_may_not_be_started_again_is_not_killed_for_it(policy: Polic
 
 
 def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> None:
-    kills = Kills(Health(), Settings())
-    assert kills.begin(10.0, KillNode("/n", True, topic="/x")) != []
-    assert kills.begin(10.0, KillNode("/n", True, topic="/y")) == []
+    kills = Kills(Robot().core.robot)
+    assert kills.begin(10.0, KillNode("/n", "/x")) != []
+    assert kills.begin(10.0, KillNode("/n", "/y")) == []
     another = events.NodeFound(10.1, "/n", Where.ANOTHER, "it does not publish /x")
     assert kills.handle(another) == [events.FindNode("/n", True, "/y")]
     here = replace(another, where=Where.HERE)
@@ -152,22 +151,22 @@ def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> N
 
 def test_what_cannot_be_verified_is_not_certain() -> None:
     for where in (Where.UNKNOWN, Where.ANOTHER):
-        kills = Kills(Health(), Settings())
-        kills.begin(10.0, KillNode("/n", True, topic="/x"))
+        kills = Kills(Robot().core.robot)
+        kills.begin(10.0, KillNode("/n", "/x"))
         (over,) = kills.handle(events.NodeFound(10.1, "/n", where))
         assert isinstance(over, KillOver)
         spared = over.outcome is Outcome.ANOTHER and "not the one" in over.detail
         assert spared or over.outcome is Outcome.UNSURE
-    kills = Kills(Health(), Settings())
-    kills.begin(10.0, KillNode("/n", True, topic="/x"))
+    kills = Kills(Robot().core.robot)
+    kills.begin(10.0, KillNode("/n", "/x"))
     kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
     (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
     assert over == KillOver(10.2, "/n", Outcome.UNSURE, "it refuses")
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
-    kills = Kills(Health(), Settings())
-    kills.begin(10.0, KillNode("/n", False, True, "/x"))
+    kills = Kills(Robot().core.robot)
+    kills.begin(10.0, KillNode("/n", "/x", urgent=False, if_dead=True))
     (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
     assert over == KillOver(10.1, "/n", Outcome.SPARED)
 

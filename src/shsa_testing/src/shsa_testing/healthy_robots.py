@@ -13,7 +13,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.healing import events as healing
-from shsa_core.healing.duties import duties_of, subscribers_of
+from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key

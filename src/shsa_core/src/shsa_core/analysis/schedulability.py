@@ -9,8 +9,7 @@ from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.takeover import Takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
 from shsa_core.healing.events import HostSeen
-from shsa_core.healing.hosts import Computers
-from shsa_core.healing.placement import OWN, Placement
+from shsa_core.healing.placement import OWN, Computers, Placement
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
 from shsa_core.model.kinds import Standby

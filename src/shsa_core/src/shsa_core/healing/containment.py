@@ -1,13 +1,9 @@
 """Decides about a faulty node by what would be lost with it."""
 from dataclasses import dataclass
-from typing import Dict, FrozenSet, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import List, Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.plans import Plan
-
-from shsa_core.healing.health import HEALTHY, MISSED, Health
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
-from shsa_core.healing.naming import Names
-from shsa_core.healing.planner import Planner
+from shsa_core.healing.health import HEALTHY, MISSED
+from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import BY_LINK, Contain, Kind
 from shsa_core.model.service import Service
@@ -99,62 +95,13 @@ def _enumerated(topics: Sequence[str]) -> str:
     return " and ".join([", ".join(topics[:-1]), topics[-1]] if len(topics) > 1 else topics)
 
 
-class Computed(NamedTuple):
-    """A service whose value is computed: without which node, and which plans were tried in vain."""
-
-    faulty_node: str
-    tried: FrozenSet[Plan]
-
-
-class Indexes:
-    """Services by what they read and wait for, kept up as they decide.
-
-    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty
-    node is kept. `computed`: those that a substitute computes, or is to.
-    """
-
-    def __init__(self) -> None:
-        self.stuck: Dict[str, None] = {}
-        self.kept: Dict[str, None] = {}
-        self.computed: Dict[str, Computed] = {}
-        self.working: Dict[str, Tuple[float, Plan]] = {}
-        self.refused: Dict[str, str] = {}
-        self._reads: Dict[str, Dict[str, None]] = {}
-        self._readers: Dict[str, Set[str]] = {}
-
-    def readers(self, services: Iterable[str]) -> List[str]:
-        """Return the services whose substitute reads one of some services."""
-        return sorted({name for each in services for name in self._readers.get(each, ())})
-
-    def follow(
-        self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
-    ) -> None:
-        """Note how a service has decided, and what its substitute reads now."""
-        self.stuck.pop(name, None)
-        self.kept.pop(name, None)
-        self.computed.pop(name, None)
-        sources = plan.inputs if plan else ()
-        for read in self._reads.get(name, ()):
-            self._readers[read].discard(name)
-        self._reads[name] = {each.service.name: None for each in sources}
-        for read in self._reads[name]:
-            self._readers.setdefault(read, set()).add(name)
-        if incident.state in STUCK or (plan and plan.left_out):
-            self.stuck[name] = None
-        if incident.state is State.KEPT or incident.kept:
-            self.kept[name] = None
-        if incident.state in SUBSTITUTED:
-            self.computed[name] = Computed(incident.faulty_node, tried)
-
-
 class Stakes:
     """Looks what a node still does well, and who relies on it: that costs what it publishes."""
 
-    def __init__(self, names: Names, health: Health, indexes: Indexes, planner: Planner) -> None:
-        self._names = names
-        self._health = health
-        self._indexes = indexes
-        self._planner = planner
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._health = robot.health
+        self._planner = robot.planner
 
     def case(self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool) -> Case:
         """Return the case of a node that failed on the topic of a service."""
@@ -180,7 +127,7 @@ class Stakes:
 
     def _never(self, failed: Service, node: str, well: List[Service]) -> str:
         """Return why a node is not to be killed for what is said of a service not its own."""
-        if self._names.of_healing(node, in_som=node == failed.node):
+        if self._robot.names.of_healing(node, in_som=node == failed.node):
             return "it belongs to healing or to ROS"
         for service in well:
             if node != failed.node and service.needed and service.node == node:
@@ -212,26 +159,25 @@ class Stakes:
 
     def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
         """Return what a node publishes, and how that does."""
-        service_of, rows = self._planner.som.service_of, self._health.rows
+        service_of, rows = self._robot.som.service_of, self._health.rows
         topics = sorted(self._health.topics.get(node, ()))
         found = ((service_of(topic, node), rows[topic][node]) for topic in topics)
         return [(service, row) for service, row in found if service is not None]
 
     def _remains(self, service: Service, doomed: Set[str]) -> bool:
         """Tell that a service has good data without some nodes."""
-        rows = self._health.of(service.topic).values()
+        rows = self._health.rows[service.topic].values()
         well = (row.publisher for row in rows if row.state is HEALTHY)
         remain = (each not in doomed and each not in self._health.substitutes for each in well)
         return any(remain) or self._planner.replaceable(service, doomed)
 
     def _relying(self, service: Service, doomed: Set[str]) -> List[str]:
         """Return the topics that a substitute computes from a service, and nothing else gives."""
-        found = []
-        for name in self._indexes.readers([service.name]):
-            computed = self._indexes.computed.get(name)
-            read = self._planner.som.services.get(name)
-            if read is not None and computed is not None:
-                without = doomed | {computed.faulty_node}
-                if not self._planner.replaceable(read, without, computed.tried):
+        found, indexes = [], self._robot.indexes
+        for name in indexes.readers([service.name]):
+            read = self._robot.som.services.get(name)
+            if read is not None and name in indexes.computed:
+                faulty, tried = indexes.computed[name]
+                if not self._planner.replaceable(read, doomed | {faulty}, tried):
                     found.append(read.topic)
         return found

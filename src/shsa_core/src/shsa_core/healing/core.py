@@ -4,16 +4,16 @@ The machines of services, nodes and processes are joined here. What an event doe
 as it is, so that a decision costs the same on a large robot.
 """
 from dataclasses import replace
-from operator import attrgetter
 from typing import Callable, Dict, Iterable, List, Optional
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing import events
 from shsa_core.healing.events import Command
 from shsa_core.healing.incident import WELL, Incident, State
-from shsa_core.healing.node import NODE_EVENTS, Nodes, Said
+from shsa_core.healing.kill import KillOver, Said
+from shsa_core.healing.node import Nodes
 from shsa_core.healing.process import Processes
-from shsa_core.healing.records import ServiceRecord, Table
+from shsa_core.healing.records import ServiceRecord
 from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
@@ -26,7 +26,7 @@ Ask = Callable[[ServiceMachine], List[Command]]
 class Core:
     """The machines of all services, nodes and processes.
 
-    `asked`: computers whose monitor owes its table. `states`: the running SOM, as it is shown.
+    `asked`: computers whose monitor owes its table.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -36,7 +36,6 @@ class Core:
         self.services: Dict[str, ServiceMachine] = {}
         self.asked: Agenda[str] = Agenda()
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
-        self.states: Table[events.ServiceState, events.ShowSom] = Table(events.ShowSom)
         self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
         self._ended: List[str] = []  # records whose incident has ended with the last event
 
@@ -64,21 +63,21 @@ class Core:
         decided = before, machine.substitute.node, machine.substitute.plan
         commands = ask(machine)
         incident, substitute = machine.incident, machine.substitute
-        row, due, refuses = machine.row(), machine.deadline, machine.refuses
-        record = machine.record(row)
+        row, refuses, accused = machine.row(), machine.refuses, machine.accusation
+        shown = None if incident is WELL else incident
+        for each in commands:
+            shown = each.incident if isinstance(each, events.ShowIncident) else shown
+        about = accused.kind, accused.fate, row
+        record = ServiceRecord(name, service.topic, shown, *about)
         if (incident, substitute.node, substitute.plan) != decided:
             robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
             robot.indexes.refused.pop(name, None)
             if refuses:
                 robot.indexes.refused[name] = incident.faulty_node
-        self.agenda.set(name, due)
+        self.agenda.set(name, min(machine.timers.values(), default=None))
         if row is not None:
             self.processes.wanted.set(row_key(row), row)
-        shown: Optional[Incident] = None
-        for each in commands:
-            shown = each.incident if isinstance(each, events.ShowIncident) else shown
-        if shown is not None and incident is WELL:
-            record = replace(record, incident=shown)  # until it is told, and logged
+        if shown is not None and incident is WELL:  # it is kept until it is told, and logged
             self._ended.append(record.key)
             robot.calibrations.healed(name)
         empty = record == ServiceRecord(name, record.topic)
@@ -95,17 +94,22 @@ class Core:
         return commands
 
     def deliver(self, said: Iterable[Said]) -> List[Command]:
-        """Carry what became of nodes to the services that accuse them; the rest are commands."""
+        """Carry how kills ended to the services that accuse the node; the rest are commands."""
         commands: List[Command] = []
         for each in said:
-            if not isinstance(each, NODE_EVENTS):
-                commands.append(each)  # type: ignore[arg-type]
-                continue
-            event = each
-            self.unsettle_node(event.node)
-            accusers = self.nodes.accusers(event.node)
-            commands += self.ask_all(accusers, lambda service: service.heed(event))
+            if isinstance(each, KillOver):
+                commands += self._tell(each)
+            else:
+                commands.append(each)
         return commands
+
+    def _tell(self, kill: KillOver) -> List[Command]:
+        self.unsettle_node(kill.node)
+        return self.ask_accusers(kill.node, lambda service: service.heed(kill))
+
+    def ask_accusers(self, node: str, ask: Ask) -> List[Command]:
+        """Have those services decide that accuse a node."""
+        return self.ask_all(self.nodes.accusers(node), ask)
 
     def settle(self) -> List[Command]:
         """See which services come and go by what has happened, and tell those whom it concerns."""
@@ -113,14 +117,16 @@ class Core:
         robot, indexes = self.robot, self.robot.indexes
         while self._unsettled:
             names, self._unsettled = self._unsettled, {}
-            looked = [(name, another, self.missing(name)) for name, another in names.items()]
-            others = [name for name, another in names.items() if another]
-            gone, come = robot.availability.update(robot.som, looked)
-            for name in names:
-                self.states.set(name, robot.availability.states.get(name))
+            looks = [
+                robot.availability.look(robot.som, name, self.missing(name), another)
+                for name, another in names.items()
+            ]
+            gone = [before for before, _ in looks if before is not None]
+            come = [after for _, after in looks if after is not None]
             robot.planner.plans.change(gone, come)
-            for name in indexes.readers((*others, *map(attrgetter("name"), gone))):
-                commands += self.ask(name, lambda each: each.changed())
+            others = [name for name, another in names.items() if another]
+            readers = indexes.readers((*others, *(each.name for each in gone)))
+            commands += self.ask_all(readers, lambda each: each.changed())
             if come:
                 waiting = {**indexes.stuck, **indexes.kept}
                 commands += self.ask_all(waiting, lambda each: each.replan())

@@ -123,9 +123,10 @@ class HealthSeen(Event):
 
 @dataclass(frozen=True)
 class SomChanged(Event):
-    """The service-to-ontology mapping is another one now."""
+    """The service-to-ontology mapping is another one now; `ontology`: it was read again as well."""
 
     som: Som
+    ontology: Optional[Ontology] = None
 
 
 @dataclass(frozen=True)
@@ -137,14 +138,6 @@ class GraphSeen(Event):
 
     subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...]
     duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
-
-
-@dataclass(frozen=True)
-class ModelsReloaded(Event):
-    """Ontology and SOM were read again."""
-
-    ontology: Ontology
-    som: Som
 
 
 @dataclass(frozen=True)
@@ -305,7 +298,12 @@ class Tick(Event):
 
 
 @dataclass(frozen=True)
-class NodeCommand:
+class Act:
+    """Something is to be done: one of the classes below that no other is made of."""
+
+
+@dataclass(frozen=True)
+class NodeCommand(Act):
     """Something is to be done with a node."""
 
     node: str
@@ -319,14 +317,14 @@ class LearnNode(NodeCommand):
 
 
 @dataclass(frozen=True)
-class WatchNodes:
+class WatchNodes(Act):
     """Tell from now on when one of these nodes, and no other, comes up (NodeCameUp)."""
 
     nodes: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class AskMonitor:
+class AskMonitor(Act):
     """Have the monitor of a computer tell its whole table once more (HealthSeen)."""
 
     host: str
@@ -403,7 +401,7 @@ class StopNode(NodeCommand):
 
 
 @dataclass(frozen=True)
-class RunCommand:
+class RunCommand(Act):
     """Run the command of a service that nothing can substitute: a program and its arguments."""
 
     service: str
@@ -411,7 +409,7 @@ class RunCommand:
 
 
 @dataclass(frozen=True)
-class ShowSubstitutions:
+class ShowSubstitutions(Act):
     """Show what has changed in the table of substitutions; they heed it.
 
     Rows without a node are plans that idle processes prepare for. `removed`: their keys.
@@ -422,7 +420,7 @@ class ShowSubstitutions:
 
 
 @dataclass(frozen=True)
-class WriteDown:
+class WriteDown(Act):
     """Write down what was decided, before it is done; the next reconfigurator goes on from it.
 
     `removed`: the keys of the records that are gone.
@@ -433,7 +431,7 @@ class WriteDown:
 
 
 @dataclass(frozen=True)
-class ShowIncident:
+class ShowIncident(Act):
     """Publish a step of an incident."""
 
     incident: Incident
@@ -457,30 +455,11 @@ class ServiceState:
 
 
 @dataclass(frozen=True)
-class ShowSom:
+class ShowSom(Act):
     """Show what has changed in the running SOM."""
 
     rows: Tuple[ServiceState, ...]
     removed: Tuple[str, ...] = ()
 
 
-Command = Union[
-    WriteDown,
-    LearnNode,
-    WatchNodes,
-    AskMonitor,
-    FindNode,
-    AskToLeave,
-    EndProcess,
-    ClearNode,
-    StartSubstitute,
-    AssignSubstitute,
-    StopSubstitute,
-    RestartNode,
-    StopNode,
-    RunCommand,
-    ShowSubstitutions,
-    ShowIncident,
-    ShowSom,
-    Log,
-]
+Command = Union[Act, Log]

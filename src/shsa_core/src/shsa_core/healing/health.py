@@ -1,14 +1,16 @@
 """The health of the publishers of each topic, as the monitors tell it."""
+from collections import defaultdict
 from dataclasses import replace
-from typing import Collection, Dict, FrozenSet, Iterable, List, Mapping, Optional, Set, Tuple
+from typing import Collection, DefaultDict, Dict, FrozenSet, List, Mapping, Optional, Set, Tuple
 
-from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState
+from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState, ShowSom
 from shsa_core.healing.settings import START_S, SAME_S
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+from shsa_core.table import Table
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
 MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
@@ -28,7 +30,7 @@ class Health:
     """
 
     def __init__(self) -> None:
-        self.rows: Dict[str, Dict[str, PublisherHealth]] = {}
+        self.rows: DefaultDict[str, Dict[str, PublisherHealth]] = defaultdict(dict)
         self.topics: Dict[str, Dict[str, None]] = {}
         self.substitutes = RecentNames()
         self.excluded: Dict[str, float] = {}
@@ -45,13 +47,9 @@ class Health:
         self._stranded: Set[Key] = set()  # who did well when its monitor was lost
         self._unheard: Dict[Key, Optional[PublisherHealth]] = {}  # until a new monitor hears them
 
-    def of(self, topic: str) -> Mapping[str, PublisherHealth]:
-        """Return the rows of a topic, by publisher."""
-        return self.rows.get(topic, {})
-
     def row(self, key: Key) -> Optional[PublisherHealth]:
         """Return the row of a publisher of a topic; None: there is none."""
-        return self.rows.get(key[0], {}).get(key[1])
+        return self.rows[key[0]].get(key[1])
 
     def healthy(self, key: Key) -> bool:
         """Tell that a publisher of a topic does well."""
@@ -62,7 +60,7 @@ class Health:
         """Return the rows of the publishers of a service that are no substitutes."""
         return tuple(
             row
-            for row in self.rows.get(service.topic, {}).values()
+            for row in self.rows[service.topic].values()
             if row.publisher
             and row.publisher not in self.substitutes
             and som.service_of(service.topic, row.publisher) is service
@@ -81,51 +79,48 @@ class Health:
             known = self._told(change.host)
             self._unheard.update((key, None) for key in known if self.healthy(key))
         rows = self._returned(change.time, self._heard(change))
-        concerned = [row.key for row in rows]
         gone = list(change.removed)
         if change.whole:
-            told = {*concerned, *self._unheard}
+            told = {*(row.key for row in rows), *self._unheard}
             gone = [key for key in self._told(change.host) if key not in told]
         for key in gone:
             self._forget(key)
-        failures: List[FailureSeen] = []
-        for row in rows:
-            failure = self._news(row)
-            failures += [] if failure is None else [failure]
-            self._told_at[row.key] = change.host
-            concerned += self._put(row)
+        concerned, failures = self._take_over(rows, change.host)
         return concerned + gone, failures
+
+    def _take_over(
+        self, rows: List[PublisherHealth], host: str
+    ) -> Tuple[List[Key], List[FailureSeen]]:
+        """Put rows of the monitor of a computer. Returns whom it concerns, and the failures."""
+        concerned, failures = [row.key for row in rows], []
+        for row in rows:
+            if self._is_news(row):
+                failures.append(self.failure(row))
+            self._told_at[row.key] = host
+            concerned += self._put(row)
+        return concerned, failures
 
     def note(self, failure: FailureSeen) -> bool:
         """Put a failure that somebody tells; False: the table tells of it already."""
-        state, detail = FAILED, failure.detail
-        good = failure.last_good
-        row = PublisherHealth(
-            *(failure.topic, failure.publisher, state, failure.time, None, good, failure.kind),
-            detail,
-        )
-        known = self.row(row.key)
-        if known is not None and known.state is FAILED and not self._begins(known, row):
-            return False
-        if known is None or known.since <= failure.time:
+        whose = failure.topic, failure.publisher, FAILED, failure.time, None, failure.last_good
+        row = PublisherHealth(*whose, failure.kind, failure.detail)
+        known, news = self.row(row.key), self._is_news(row)
+        if news and (known is None or known.since <= failure.time):
             self._put(row)
-        return True
+        return news
 
-    def _news(self, row: PublisherHealth) -> Optional[FailureSeen]:
-        """Return the failure that a new row tells of: it turned failed, or fails anew."""
+    def _is_news(self, row: PublisherHealth) -> bool:
+        """Tell that a new row turned failed, or fails anew."""
         before = self.row(row.key)
-        if row.state is not FAILED:
-            return None
-        if before is not None and before.state is FAILED and not self._begins(before, row):
-            return None
-        return self.failure(row)
+        known = before is not None and before.state is FAILED and not self._begins(before, row)
+        return row.state is FAILED and not known
 
     def goes_on(self, row: PublisherHealth) -> bool:
-        """Return true if a row has another message for a failure that is known."""
+        """Tell that a row has another message for a failure that is known."""
         before = self.row(row.key)
         if before is None or before.state is not FAILED or row.state is not FAILED:
             return False
-        return bool(row.last_message) and row.last_message != before.last_message
+        return row.last_message not in (b"", before.last_message)
 
     @staticmethod
     def failure(row: PublisherHealth) -> FailureSeen:
@@ -147,7 +142,7 @@ class Health:
     def _put(self, row: PublisherHealth) -> List[Key]:
         """Put a row. Returns all that its node publishes if that is well again after a kill."""
         topic, node = row.key
-        self.rows.setdefault(topic, {})[node] = row
+        self.rows[topic][node] = row
         if node:
             self.topics.setdefault(node, {})[topic] = None
         if row.state is HEALTHY or row.last_good is not None:
@@ -163,7 +158,7 @@ class Health:
 
     def _forget(self, key: Key) -> None:
         topic, node = key
-        self.rows.get(topic, {}).pop(node, None)
+        self.rows[topic].pop(node, None)
         self._told_at.pop(key, None)
         self._stranded.discard(key)
         topics = self.topics.get(node, {})
@@ -210,7 +205,9 @@ class Health:
 
         `away`: its computer is not heard; then nobody does who has not told of it yet.
         """
-        told = {self._told_at.get((topic, publisher), "?") for publisher in self.of(topic)} - {"?"}
+        told = {self._told_at.get((topic, publisher), "?") for publisher in self.rows[topic]} - {
+            "?"
+        }
         return not told & self._lost if told else not away
 
     def lose_monitor(
@@ -221,18 +218,11 @@ class Health:
         Not so substitutes that run `elsewhere`. Returns as `heed` does.
         """
         self._lost.add(host)
-        lost = [key for key, told in self._told_at.items() if told == host and self.healthy(key)]
-        lost = [key for key in lost if key[1] not in elsewhere]
-        failures: List[FailureSeen] = []
-        for topic, node in lost:
-            row = replace(
-                self.rows[topic][node], state=FAILED, since=time, kind=Kind.SILENT, detail=why
-            )
-            failure = self._news(row)
-            failures += [] if failure is None else [failure]
-            self._put(row)
-            self._stranded.add(row.key)
-        return lost, failures
+        told = [key for key, told_at in self._told_at.items() if told_at == host]
+        lost = [key for key in told if self.healthy(key) and key[1] not in elsewhere]
+        silent = {"state": FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
+        self._stranded.update(lost)
+        return self._take_over([replace(self.rows[t][node], **silent) for t, node in lost], host)
 
     def _told(self, host: str) -> List[Key]:
         """Return whom a monitor tells of; what was only recalled is any's."""
@@ -272,46 +262,40 @@ class Health:
 class Availability:
     """The running SOM, kept up service by service.
 
-    `services`: those that are available, each with the node that publishes it. `states`: a row for
-    each, `unavailable`: the names of the others.
+    `services`: those that are available, each with the node that publishes it; `unavailable`: the
+    names of the others. `states`: a row for each, as it is shown.
     """
 
     def __init__(self, health: Health) -> None:
         self.services: Dict[str, Service] = {}
-        self.states: Dict[str, ServiceState] = {}
         self.unavailable: Set[str] = set()
+        self.states: Table[ServiceState, ShowSom] = Table(ShowSom)
         self._health = health
 
-    def update(
-        self, som: Som, names: Iterable[Tuple[str, bool, str]]
-    ) -> Tuple[List[Service], List[Service]]:
-        """Look at some services again: return those that are available no more, and those that are.
+    def look(
+        self, som: Som, name: str, why: str, another: bool
+    ) -> Tuple[Optional[Service], Optional[Service]]:
+        """Look at a service again: return it as it is available no more, and as it is now.
 
-        With each name: whether it is another service now, though it may look the same; and why it
-        is not available whoever is well, empty: it may be.
+        `why` it is not available whoever is well, empty: it may be. `another`: it is another
+        service now, though it may look the same.
         """
-        gone: List[Service] = []
-        come: List[Service] = []
-        for name, another, why in names:
-            before = self.services.pop(name, None)
-            self.unavailable.discard(name)
-            service = som.services.get(name)
-            if service is None:
-                self.states.pop(name, None)
-            else:
-                state = self.state(som, service, why)
-                self.states[name] = state
-                if state.available:
-                    self.services[name] = service = replace(service, node=state.node)
-                    if service == before and not another:
-                        self.services[name] = before
-                        continue
-                    come.append(service)
-                else:
-                    self.unavailable.add(name)
-            if before is not None:
-                gone.append(before)
-        return gone, come
+        before, service = self.services.pop(name, None), som.services.get(name)
+        self.unavailable.discard(name)
+        if service is None:
+            self.states.set(name, None)
+            return before, None
+        state = self.state(som, service, why)
+        self.states.set(name, state)
+        if not state.available:
+            self.unavailable.add(name)
+            return before, None
+        service = replace(service, node=state.node)
+        if service == before and not another:
+            self.services[name] = before
+            return None, None
+        self.services[name] = service
+        return before, service
 
     def state(self, som: Som, service: Service, why: str) -> ServiceState:
         """Return how a service stands."""

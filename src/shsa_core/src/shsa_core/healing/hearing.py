@@ -11,15 +11,8 @@ return.
 from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.healing.core import Core
-from shsa_core.healing.events import (
-    AskMonitor,
-    Command,
-    FailureSeen,
-    HealthSeen,
-    HostLost,
-    HostSeen,
-    Log,
-)
+from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, HostLost
+from shsa_core.healing.events import HostSeen, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.records import Healthy
 from shsa_core.healing.settings import ANSWER_S
@@ -61,8 +54,9 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
         if not told and not robot.health.note(event):
             core.services[name].note_message(event)
             return core.ask(name, lambda each: [])
-        if robot.som.hosts:
-            _doubt(core, service, event)
+        host = robot.host_of(publisher or service.node) if robot.som.hosts else ""
+        if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
+            robot.computers.doubt(host, event.time)
         _write_health(core, (topic, publisher))
     core.unsettle([name, *core.concerned(topic, publisher)])
     return core.ask(name, lambda each: each.failed(event))
@@ -70,12 +64,9 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
 
 def _service_of(core: Core, event: FailureSeen, served: Tuple[str, ...]) -> Optional[Service]:
     som = core.robot.som
-    if event.service:
-        return som.services.get(event.service)
-    if not served:
-        return som.service_of(event.topic, event.publisher)
-    for name in _substituted(core, event.topic, served)[:1]:
-        return som.services.get(name)
+    substituted = _substituted(core, event.topic, served) if served else ()
+    if event.service or substituted:
+        return som.services.get(event.service or substituted[0])
     return som.service_of(event.topic, event.publisher)
 
 
@@ -88,15 +79,6 @@ def _substituted(core: Core, topic: str, served: Tuple[str, ...]) -> Tuple[str, 
     if len(served) == 1:
         return served
     return tuple(name for name in served if services[name].topic == topic)
-
-
-def _doubt(core: Core, service: Service, event: FailureSeen) -> None:
-    """Note that somebody is silent: it is not known yet whether the computer is lost."""
-    robot = core.robot
-    host = robot.host_of(event.publisher or service.node)
-    if not host or event.kind not in MISSED:
-        return
-    robot.computers.doubt(host, event.time)
 
 
 def health_seen(core: Core, event: HealthSeen) -> List[Command]:
@@ -155,17 +137,17 @@ def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Comm
     """Learn which process a node is that is well; forget that of one that is gone."""
     nodes, som = core.nodes, core.robot.som
     if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
-        nodes.went(node)
+        nodes.identities.went(node)
     elif row.state is PublisherState.HEALTHY:
         # Only the nodes that the SOM names are learned: anybody registers other names.
         if any(each.node == node for each in som.of_topic(row.topic)):
-            return nodes.came_up(node, row.topic)
+            return nodes.identities.came_up(node, row.topic)
     return []
 
 
 def _write_health(core: Core, key: Key) -> None:
     topic, node = key
-    row = core.robot.health.rows.get(topic, {}).get(node)
+    row = core.robot.health.rows[topic].get(node)
     well = row is not None and row.state is PublisherState.HEALTHY
     template = core.robot.health.templates.get(key, b"")
     record = Healthy(topic, node, row.since, template) if row is not None and well else None
@@ -212,7 +194,7 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         for service in robot.on(host):
             core.unsettle([service.name])
     if back:
-        commands += core.deliver(core.nodes.excuse(host, heard))
+        commands += _excuse(core, host, heard)
     commands += core.deliver(core.nodes.computer_heard(host))
     lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
     commands += core.ask_all(lacking, lambda each: each.replan())
@@ -221,6 +203,12 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:
             commands += core.ask(name, lambda each: each.replan())
     return commands + (ask_monitor(core, host) if lost else [])
+
+
+def _excuse(core: Core, host: str, heard: float) -> List[Command]:
+    """Blame no node for its silence since its computer was heard, which was cut off."""
+    excused = core.nodes.excuse(host, heard)
+    return [c for node in excused for c in core.ask_accusers(node, lambda each: each.show_trust())]
 
 
 def host_lost(core: Core, event: HostLost) -> List[Command]:
@@ -237,7 +225,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
         if service.needed and service.event_driven:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
-    commands += core.settle() + core.deliver(core.nodes.excuse(host, heard))
+    commands += core.settle() + _excuse(core, host, heard)
     commands += core.deliver(core.nodes.computer_lost(host, why))
     for node in processes.pool.on(host):
         commands += processes.drop_idle(node)

@@ -1,32 +1,11 @@
 """Ends a node: asks it first, then ends its process; and says what is certain of that."""
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, Optional, Tuple, Union
+from typing import Dict, List, NamedTuple, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda, doubled
-from shsa_core.healing.events import (
-    AskToLeave,
-    ClearNode,
-    Command,
-    EndProcess,
-    FindNode,
-    NodeAnswered,
-    NodeFound,
-    NodeLeft,
-    ProcessUntouchable,
-    Where,
-)
-from shsa_core.healing.health import Health
-from shsa_core.healing.settings import (
-    EXIT_TIMEOUT_S,
-    FIND_TIMEOUT_S,
-    FORGET_S,
-    LEAVE_S,
-    LISTEN_PERIODS,
-    LISTEN_S,
-    STEADY_S,
-    TERM_S,
-    Settings,
-)
+from shsa_core.healing import events, settings as limits
+from shsa_core.healing.events import Command, NodeFound, Where
+from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import RateHigh, RateLow
 from shsa_core.model.kinds import Word
 
@@ -50,9 +29,9 @@ class KillNode:
     """
 
     node: str
-    urgent: bool
-    if_dead: bool = False
     topic: str = ""
+    urgent: bool = True
+    if_dead: bool = False
     at_once: bool = False
     only_here: bool = False
     period: float = 0.0
@@ -62,12 +41,12 @@ class KillNode:
 class Outcome(Word):
     """The end of a kill."""
 
-    GONE = "it is gone for certain"
-    UNSURE = "it could not be reached to make sure"
-    SPARED = "it was to be cleared if it is dead, and may still run"
-    ANOTHER = "it is not the one that failed, and is not touched"
-    UNREACHED = "its computer was lost"
-    WELL = "it may do well, as its own computer tells"
+    GONE = "is gone"
+    SPARED = "still runs, and was only to be cleared if it is dead"
+    UNSURE = "may still be running"  # it could not be reached to make sure
+    ANOTHER = "is left alone"  # it is not the one that failed
+    UNREACHED = "may still run"  # its computer was lost
+    WELL = "is not killed"  # it may do well, as its own computer tells
 
 
 @dataclass(frozen=True)
@@ -85,9 +64,15 @@ class KillOver:
     cause: str = ""
     starter: str = ""
 
+    @property
+    def told(self) -> str:
+        """Return what became of the node."""
+        why = f"{self.detail}, {self.cause}" if self.cause else self.detail
+        return f"{self.node} {self.outcome}: {why}"
 
-KillEvent = Union[NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable]
-KILL_EVENTS = (NodeFound, NodeAnswered, NodeLeft, ProcessUntouchable)
+
+KillEvent = Union[NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable]
+KILL_EVENTS = (NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable)
 Said = Union[Command, KillOver]
 
 
@@ -107,7 +92,15 @@ class _Kill:
     def listen(self) -> float:
         """Return for how long its node is listened to on its own computer, in s."""
         period = self.order.period
-        return max(LISTEN_S, LISTEN_PERIODS * period) if period else 0.0
+        return max(limits.LISTEN_S, limits.LISTEN_PERIODS * period) if period else 0.0
+
+
+class _Pending(NamedTuple):
+    """A kill that waits for a computer; `silent`: until that was heard beside the silence."""
+
+    host: str
+    since: float
+    silent: bool
 
 
 class Kills:
@@ -118,14 +111,53 @@ class Kills:
     once. A node that is stopped is not asked, and one on another computer is only asked.
     """
 
-    def __init__(self, health: Health, settings: Settings) -> None:
+    def __init__(self, robot: Robot) -> None:
         self.agenda: Agenda[str] = Agenda()
         self.again: Agenda[str] = Agenda()
-        self._health = health
-        self._settings = settings
+        self._robot = robot
+        self._health = robot.health
+        self._settings = robot.settings
         self._kills: Dict[str, _Kill] = {}
+        self._pending: Dict[str, _Pending] = {}
         self._tries: Dict[str, int] = {}
         self._slow: Dict[str, Tuple[float, float]] = {}  # there: since when, and when seen last
+
+    def under_way(self, node: str) -> bool:
+        """Tell that a node is being killed, or that its kill waits."""
+        return node in self._kills or node in self._pending
+
+    def order(self, order: KillNode) -> List[Command]:
+        """Begin a kill, or let it wait: a silence must last beside the node's computer."""
+        robot, node = self._robot, order.node
+        host = robot.host_of(node) if robot.som.hosts else ""
+        waits = order.only_here and (host or not order.quick)
+        if waits and robot.computers.reachable(host):
+            self._pending[node] = _Pending(host, robot.time, True)
+            if not host:  # our own is heard all the time
+                self.again.set(node, robot.time + limits.CERTAIN_S)
+            return []
+        self._pending.pop(node, None)
+        return self.begin(robot.time, order if host else replace(order, period=0.0))  # no link
+
+    def wait(self, kill: KillOver, host: str, silent: bool) -> None:
+        """Kill a node again once its computer is heard; `silent`: beside its silence."""
+        self._pending[kill.node] = _Pending(host, kill.time, silent)
+
+    def forget(self, node: str) -> None:
+        """Kill a node no more, if that waits."""
+        self._pending.pop(node, None)
+
+    def heard_of(self, host: str) -> List[str]:
+        """Return the nodes that have waited for a computer for long enough."""
+        steady, time = self._robot.computers.of(host).steady, self._robot.time
+        there = self._robot.computers.reachable(host)
+        due = [
+            node
+            for node, each in self._pending.items()
+            if each.host == host
+            and (not each.silent or time - max(each.since, steady) >= limits.CERTAIN_S)
+        ]
+        return [node for node in due if there and self._pending.pop(node)]
 
     def begin(self, time: float, order: KillNode) -> List[Command]:
         """Kill a node; nothing is done if that is under way, but it may be spared no more."""
@@ -147,21 +179,21 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(self, event: KillEvent, strained: bool = False) -> List[Said]:
-        """Go on with a kill; `strained`: its node's computer has too much to do."""
+    def handle(self, event: KillEvent) -> List[Said]:
+        """Go on with a kill."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
-            return [] if kill.where is not None else self._found(event, kill, strained)
-        if isinstance(event, NodeAnswered):
+            return [] if kill.where is not None else self._found(event, kill)
+        if isinstance(event, events.NodeAnswered):
             if not (kill.order.quick or kill.forced):
                 kill.answered = True
-                self.agenda.set(node, time + LEAVE_S)
+                self.agenda.set(node, time + limits.LEAVE_S)
             return []
-        if isinstance(event, NodeLeft):
+        if isinstance(event, events.NodeLeft):
             how = "it did not leave in time, its process was killed" if kill.forced else "it left"
-            return [*self._over(time, node, True, how), ClearNode(node)]
+            return [*self._over(time, node, True, how), events.ClearNode(node)]
         why = event.detail or "it does not leave, and its process belongs to somebody else"
         return self._over(time, node, False, why)
 
@@ -182,11 +214,9 @@ class Kills:
                 lost = "it could not be found in time"
                 why = lost if kill.where is None else "its process does not end"
                 if not kill.order.if_dead:
-                    settings = self._settings
-                    tries = self._tries[node] = self._tries.get(node, 0) + 1
-                    self.again.set(
-                        node, time + doubled(settings.retry, tries - 1, settings.retry_limit)
-                    )
+                    tries = self._tries[node] = self._tries.get(node, -1) + 1
+                    pause = doubled(self._settings.retry, tries, self._settings.retry_limit)
+                    self.again.set(node, time + pause)
                 said += self._over(time, node, False, why)
         return said
 
@@ -196,7 +226,7 @@ class Kills:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 
-    def _found(self, event: NodeFound, kill: _Kill, strained: bool) -> List[Said]:
+    def _found(self, event: NodeFound, kill: _Kill) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
         time, node, where, order = event.time, event.node, event.where, kill.order
         untold = [topic for topic, looked in kill.topics.items() if not looked]
@@ -207,7 +237,7 @@ class Kills:
         if where is Where.NOWHERE:  # who is well since the kill began is another process
             return self._over(kill.begun, node, True, "it is not registered")
         if where is Where.DEAD:
-            return [*self._over(kill.begun, node, True, "it had died"), ClearNode(node)]
+            return [*self._over(kill.begun, node, True, "it had died"), events.ClearNode(node)]
         if where is Where.ANOTHER:
             why = event.detail or "it is not the one that failed"
             other = Outcome.SPARED if order.if_dead or order.at_once else Outcome.ANOTHER
@@ -222,6 +252,7 @@ class Kills:
             why = event.detail or "it cannot be verified which process it is"
             return self._over(time, node, False, why)
         if where is Where.HERE and order.period:
+            strained = self._robot.computers.strained(self._robot.host_of(node))
             doubt = self.doubt(time, node, event.rate, order.period, strained)
             if doubt is not None:
                 return self._end(time, node, Outcome.WELL, *doubt)
@@ -234,8 +265,10 @@ class Kills:
             why = "it is silent on another computer, and left alone there"
             return self._over(time, node, False, why)
         quick = where is Where.HERE and order.quick
-        self.agenda.set(node, time + (self._settings.kill_patience if quick else EXIT_TIMEOUT_S))
-        return [AskToLeave(node)]
+        self.agenda.set(
+            node, time + (self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S)
+        )
+        return [events.AskToLeave(node)]
 
     def doubt(
         self, time: float, node: str, rate: Optional[float], period: float, strained: bool
@@ -257,23 +290,23 @@ class Kills:
             return seen, LINK
         if strained:
             return seen, STRAINED
-        since = time if time - last > FORGET_S else since
-        if time - since >= STEADY_S:
+        since = time if time - last > limits.FORGET_S else since
+        if time - since >= limits.STEADY_S:
             return None
         self._slow[node] = since, time
         return seen, PASSES
 
-    def _find(self, time: float, node: str, topic: str) -> FindNode:
+    def _find(self, time: float, node: str, topic: str) -> events.FindNode:
         kill = self._kills[node]
-        self.agenda.set(node, time + FIND_TIMEOUT_S + kill.listen)
+        self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
         row = self._health.rows.get(topic, {}).get(node)
-        return FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
+        return events.FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False
         kill.forced = not gently
-        self.agenda.set(node, time + (TERM_S if gently else EXIT_TIMEOUT_S))
-        return [EndProcess(node, gently)]
+        self.agenda.set(node, time + (limits.TERM_S if gently else limits.EXIT_TIMEOUT_S))
+        return [events.EndProcess(node, gently)]
 
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""

@@ -18,13 +18,12 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import KILL_EVENTS
-from shsa_core.healing.process import is_warm
+from shsa_core.healing.process import standby
 from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Kind, Policy
+from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
@@ -70,13 +69,13 @@ class Reconfigurator:
         self._namespace = namespace
         self._dry_run = dry_run
         self._restarts = restarts
-        self.services: Dict[str, ServiceMachine] = {}
         self._given = som
         self._consumers: Dict[str, Tuple[str, ...]] = {}
-        self.robot = robot = Robot(ontology, self._as_told(som), settings, namespace, host)
+        self.robot = robot = Robot(ontology, som, settings, namespace, host)
         robot.health.consumers = self._consumers
         self.names = robot.names
         self._core = core = Core(robot)
+        robot.som = robot.planner.som = self._as_told(som)
         self.services = core.services
         self._watched: Tuple[str, ...] = ()
         self._nodes, self._processes = nodes, _ = core.nodes, core.processes
@@ -94,17 +93,18 @@ class Reconfigurator:
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
                 events.GraphSeen: self._graph_seen,
-                events.ModelsReloaded: self._models_reloaded,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: self._node_came_up,
                 **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
-                events.NodeUnregistered: lambda event: core.deliver(nodes.left_in_order(event)),
+                events.NodeUnregistered: self._node_unregistered,
                 events.SubstituteStarted: self._substitute_started,
                 events.ProcessExited: self._process_exited,
                 events.ProcessPulse: self._process_pulse,
                 events.SubstituteRequested: self._requested,
                 events.NodeRestarted: self._node_restarted,
-                events.RestartFailed: lambda event: core.deliver([event]),
+                events.RestartFailed: lambda event: core.ask_accusers(
+                    event.node, lambda each: each.restart_failed(event)
+                ),
                 events.StarterEnded: self._starter_ended,
                 events.Released: lambda e: core.ask(e.service, lambda each: each.released()),
                 events.CalibrationsHeard: self._calibrations_heard,
@@ -140,7 +140,7 @@ class Reconfigurator:
         first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
         acting: List[Command] = []
         telling: List[Command] = []
-        for command in (*first, *commands, *self._core.states.change()):
+        for command in (*first, *commands, *robot.availability.states.change()):
             (telling if isinstance(command, TELLING) else acting).append(command)
         return acting + telling
 
@@ -224,8 +224,7 @@ class Reconfigurator:
         """
         if service.needed is not None:
             return service.needed
-        healing = service.name in self.services and self.incident(service.name) is not None
-        return healing or bool(self._consumers.get(service.heard))
+        return self.incident(service.name) is not None or bool(self._consumers.get(service.heard))
 
     def _started(self, event: events.Started) -> List[Command]:
         """Begin; what is needed is known first: processes that stand by for it are taken up."""
@@ -243,8 +242,7 @@ class Reconfigurator:
         commands: List[Command] = []
         for node, duties in event.duties:
             self.robot.health.duties[node] = duties
-            accusers = self._nodes.accusers(node)
-            commands += self._core.ask_all(accusers, lambda each: each.replan())
+            commands += self._core.ask_accusers(node, lambda each: each.replan())
         if self.robot.som == self._as_told(self._given):
             return commands
         return commands + self._som_changed(events.SomChanged(event.time, self._given))
@@ -256,13 +254,6 @@ class Reconfigurator:
     def _add(self, service: Service) -> None:
         self._core.add(service)
         self._offer(service)
-
-    def _change(self, service: Service) -> List[Command]:
-        self._core.unsettle([service.name], another=True)
-        self._offer(service)
-        if not service.needed:
-            return self._core.ask(service.name, lambda each: each.close())
-        return self._core.ask(service.name, lambda each: each.replan())
 
     def _remove(self, service: Service) -> List[Command]:
         name = service.name
@@ -282,54 +273,55 @@ class Reconfigurator:
             plans.serve(service)
         else:
             plans.forget(service.name)
-        if is_warm(service):
+        if standby(service) is Standby.WARM:
             self._processes.stand_by(service, None)
         else:
             self._processes.no_stand_by(service.name)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
+        """Follow another SOM, and plan by another ontology; what runs goes on."""
         robot = self.robot
+        if event.ontology is not None:
+            robot.planner.load(event.ontology, robot.som)
         self._given = event.som
         old, robot.som = robot.som, self._as_told(event.som)
         robot.planner.som = som = robot.som
         commands: List[Command] = []
-        for name in [name for name in old.services if name not in som.services]:
-            commands += self._remove(old.services[name])
-        for service in som:
-            before = old.services.get(service.name)
-            if before is not None and before.topic != service.topic:
+        for before in old:
+            now = som.services.get(before.name)
+            if now is None or now.topic != before.topic:
                 commands += self._remove(before)
-                before = None
-            if before is None:
+        for service in som:
+            name, topic = service.name, service.topic
+            if name not in self.services:
                 self._add(service)
                 continue
-            beside = len(old.of_topic(service.topic)) > 1, len(som.of_topic(service.topic)) > 1
-            if before != service or beside[0] is not beside[1]:
-                commands += self._change(service)
+            beside = len(old.of_topic(topic)) > 1, len(som.of_topic(topic)) > 1
+            if old.services[name] != service or beside[0] is not beside[1]:
+                self._core.unsettle([name], another=True)
+                self._offer(service)
+                close = not service.needed
+                commands += self._core.ask(name, lambda e: e.close() if close else e.replan())
         commands += self._core.ask_all(robot.indexes.kept, lambda each: each.replan())
         if old.hosts or som.hosts:
             commands += hearing.rehost(self._core)
         return commands + hearing.look_again(self._core)
 
-    def _models_reloaded(self, event: events.ModelsReloaded) -> List[Command]:
-        """Let plans follow the new models; what runs goes on."""
-        self.robot.planner.load(event.ontology, self.robot.som)
-        return self._som_changed(events.SomChanged(event.time, event.som))
-
     # The rest of the events.
 
     def _prepared(self, event: events.Prepared) -> List[Command]:
-        self._processes.starts.release()
+        self._processes.starts.held_until = -inf
         return []
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
         self._over = True
+        ours = [each for each in self._nodes.restarted if each.with_us]
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
         self._processes.starts.waiting.clear()
         ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
-        return ended + [events.StopNode(n) for n, ours in self._nodes.restarted.items() if ours]
+        return ended + [events.StopNode(each.node) for each in ours]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
@@ -345,7 +337,7 @@ class Reconfigurator:
         self._held_until = inf if event.on else event.time + ANSWER_S
         if event.on:
             robot.maintained = True
-            processes.starts.hold(inf)
+            processes.starts.held_until = inf
             core.ask_all(processes.substituted, lambda each: [])
             return [Log(Level.WARN, "Maintenance: nothing is killed or started.")]
         asked = map(events.AskMonitor, ("", *robot.som.hosts))
@@ -355,7 +347,7 @@ class Reconfigurator:
         """Return what is heeded now, in maintenance; hold the rest."""
         if self.robot.time >= self._held_until:
             self.robot.maintained = False
-            self._processes.starts.release()
+            self._processes.starts.held_until = -inf
             self._core.ask_all(self._processes.substituted, lambda each: [])
             held, self._held = self._held, {}
             return [*held.values(), event]
@@ -366,37 +358,44 @@ class Reconfigurator:
         return []
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
-        self._nodes.learned(event)
+        self._nodes.identities.learned(event)
         self._core.unsettle_node(event.node)
         return []
 
     def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
-        return self._core.ask_all(self._nodes.accusers(event.node), lambda each: each.came_up())
+        return self._core.ask_accusers(event.node, lambda each: each.came_up())
+
+    def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
+        self._nodes.left_in_order(event.node)
+        return self._core.ask_accusers(event.node, lambda each: each.show_trust())
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
-            self._nodes.restarted[event.node] = event.with_us
             record = RestartedNode(event.node, event.with_us)
             self.robot.records.set(record.key, record)
         return []
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         """End a node that was started again with whoever started it first."""
-        ours = self._nodes.forget_restarted(event.node)
+        ours = any(each.node == event.node for each in self._nodes.restarted)
+        self._nodes.forget_restarted(event.node)
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
         served = self._processes.served(event.node)
-        return self._core.ask_all(served, lambda each: each.started(event))
+        return self._core.ask_all(served, lambda each: each.started(event.found, event.time))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         served, commands = self._processes.exited(event)
-        return commands + self._core.ask_all(served, lambda each: each.exited(event.told))
+        return commands + self._core.ask_all(
+            served, lambda each: each.substitute_failed(event.told)
+        )
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
         served = self._processes.served(event.node) if event.pulse is events.Pulse.HUNG else ()
         commands = self._processes.tells(event.node, event.pulse)
-        return commands + self._core.ask_all(served, lambda each: each.process_hangs())
+        why = "its process gives no sign of life"
+        return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
         incident = self._core.incident(event.service)
@@ -432,7 +431,7 @@ class Reconfigurator:
         if name is None:
             return []
         service = self.robot.som.services[name]
-        if is_warm(service):
+        if standby(service) is Standby.WARM:
             self._processes.stand_by(service, plans.plan(name))
         return self._core.ask(name, lambda each: each.replan())
 
@@ -461,10 +460,10 @@ class Reconfigurator:
                 raise ShsaError(f"{node} works for {name} and for {owners[node]}")
             if node:
                 owners[node] = name
-            waits = state is State.HEALING and machine.deadline is None
+            waits = state is State.HEALING and not machine.timers
             if waits and not (robot.ending or self._nodes.busy(incident.faulty_node)):
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
-            if state is not State.WELL and robot.availability.states[name].available:
+            if state is not State.WELL and robot.availability.states.rows[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host
             if node and robot.computers.lost(host) and not machine.publishes:

@@ -9,7 +9,7 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
+from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -17,41 +17,29 @@ from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes, Verdict, decide
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome
-from shsa_core.healing.records import Fate, NodeRecord, Trust
+from shsa_core.healing.identities import Identities
+from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome, Said
+from shsa_core.healing.records import Fate, NodeRecord, RestartedNode, Trust
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import CERTAIN_S, LEARN_PAUSES_S
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 
+
 UNTRIED = Trust()
-
-
-@dataclass(frozen=True)
-class TrustChanged:
-    """It was not the node's own failure: whoever accuses it shows that it is not kept out."""
-
-    time: float
-    node: str
-
-
-NodeEvent = Union[KillOver, events.RestartFailed, TrustChanged]
-NODE_EVENTS = (KillOver, events.RestartFailed, TrustChanged)
-Said = Union[Command, NodeEvent]
 
 
 @dataclass
 class Accusation:
-    """A node failed on the topic of a service.
+    """A node failed on the topic of a service; by default nothing is held against anybody.
 
     `decision` says in words what becomes of it. `excuse`: what else may be the cause, as its own
     computer tells; empty: not known. `gated`: consumers hear a gate.
     """
 
-    node: str
-    kind: Kind
-    fate: Fate = Fate.OPEN
+    node: str = ""
+    kind: Kind = Kind.OTHER
+    fate: Fate = Fate.NONE
     decision: str = ""
     excuse: str = ""
     gated: bool = False
@@ -79,11 +67,6 @@ class Accusation:
         return self.kind in MISSED
 
 
-def no_accusation() -> Accusation:
-    """Return what is held against nobody."""
-    return Accusation("", Kind.OTHER, Fate.NONE)
-
-
 @dataclass
 class Case:
     """The accusations against a node, by service, and how far it is trusted.
@@ -100,51 +83,24 @@ class Case:
     refusals: int = 0
 
 
-class _Pending(NamedTuple):
-    """A kill that waits for a computer; `silent`: until that was heard beside the silence."""
-
-    host: str
-    since: float
-    silent: bool
-
-
 class Nodes:
-    """The cases of all nodes.
-
-    `restarted`: the nodes that were started again, and whether whoever ends us has started them
-    first.
-    """
+    """The cases of all nodes."""
 
     def __init__(self, robot: Robot) -> None:
-        self.kills = Kills(robot.health, robot.settings)
-        self.restarted: Dict[str, bool] = {}
+        self.kills = Kills(robot)
+        self.identities = Identities(robot.health)
         self._robot = robot
-        self._stakes = Stakes(robot.names, robot.health, robot.indexes, robot.planner)
+        self._stakes = Stakes(robot)
         self._settings = robot.settings
         self._health = robot.health
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
-        self._pending: Dict[str, _Pending] = {}
         self._orphans: Set[str] = set()  # what was left behind
-        self._tries: Dict[str, Tuple[int, str]] = {}  # to learn, by a topic, which process it is
-        self._learning: Agenda[str] = Agenda()
-        self._notes: Dict[Outcome, Callable[[KillOver], List[Said]]] = {
-            Outcome.GONE: self._gone,
-            Outcome.UNSURE: self._gone,
-            Outcome.SPARED: self._spared,
-            Outcome.ANOTHER: self._untouched,
-            Outcome.UNREACHED: self._unreached,
-            Outcome.WELL: self._alive,
-        }
-
-    def _host_of(self, node: str) -> str:
-        """Return the other computer that a node runs on; empty: our own, or not known."""
-        return self._robot.host_of(node) if self._robot.som.hosts else ""
 
     @property
     def deadline(self) -> Optional[float]:
         """Return when `tick` has something to do, in s; None: nothing is due."""
-        agendas = (self.kills.agenda, self.kills.again, self._returns, self._learning)
+        agendas = (self.kills.agenda, self.kills.again, self._returns, self.identities.agenda)
         dues = [agenda.next() for agenda in agendas]
         return min((due for due in dues if due is not None), default=None)
 
@@ -156,7 +112,7 @@ class Nodes:
     def busy(self, node: str) -> bool:
         """Tell that something more is to happen to a node."""
         waits = self._returns.when(node) < math.inf
-        return waits or node in self._pending or node in self._health.dying
+        return waits or self.kills.under_way(node)
 
     # A node fails, and is judged.
 
@@ -168,10 +124,6 @@ class Nodes:
         found.gated = service.gated
         return found
 
-    def take_up(self, service: str, accusation: Accusation) -> None:
-        """Go on with what a former reconfigurator held against a node."""
-        self._cases.setdefault(accusation.node, Case()).accusations[service] = accusation
-
     def acquit(self, service: Service, node: str, well_at: Optional[float] = None) -> None:
         """Accuse a node no more; `well_at`: it has outlived its hold-off then."""
         case = self._cases[node]
@@ -179,7 +131,7 @@ class Nodes:
         if case.accusations:
             return
         case.failing = False
-        self._pending.pop(node, None)
+        self.kills.forget(node)
         well = case.trust.well_since if well_at is None else well_at
         trust = replace(case.trust, start_at=None, awaited_by=None, well_since=well)
         stranger = node != service.node  # there may be any number of them
@@ -199,7 +151,7 @@ class Nodes:
             return []
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
-        restarted = service.policy.restarts and node == service.node and self.may_restart(node)
+        restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -211,13 +163,15 @@ class Nodes:
         if verdict.kill:
             accusation.fate = Fate.KILLED
             order = self._order(service, accusation)
-            if order.period > 0.0 and node == service.node and self._host_of(node):
+            if order.period > 0.0 and node == service.node and self._robot.host_of(node):
                 accusation.decision += ", unless it does well on its own computer"
-            commands += self.kill(order)
+            commands += self.kills.order(order)
         else:
             accusation.fate = Fate.KEPT
             if gone and not was_kept and service.policy is not Policy.ADVISE:
-                commands += self.kill(KillNode(node, False, True, service.topic))
+                commands += self.kills.order(
+                    KillNode(node, service.topic, urgent=False, if_dead=True)
+                )
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
@@ -235,163 +189,126 @@ class Nodes:
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
         """Return the kill of a node, by the word of its computer where its link may be to blame."""
-        node, kind, silent = accusation.node, accusation.kind, accusation.silent
-        period = (service.period or 0.0) if kind in BY_LINK else 0.0
-        urgent = kind is not Kind.NODE_GONE
-        quick = service.contain is Contain.NODE
-        how = {"only_here": silent, "quick": quick}
-        return KillNode(node, urgent, topic=service.topic, period=period, **how)
-
-    def kill(self, order: KillNode) -> List[Command]:
-        """Begin a kill, or let it wait: a silence must last beside the node's computer."""
-        host, time = self._host_of(order.node), self._robot.time
-        waits = order.only_here and (host or not order.quick)
-        if waits and self._robot.computers.reachable(host):
-            self._pending[order.node] = _Pending(host, time, True)
-            if not host:  # our own is heard all the time
-                self.kills.again.set(order.node, time + CERTAIN_S)
-            return []
-        self._pending.pop(order.node, None)
-        order = order if host else replace(order, period=0.0)  # there is no link
-        return self.kills.begin(time, order)
+        kind = accusation.kind
+        return KillNode(
+            accusation.node,
+            service.topic,
+            urgent=kind is not Kind.NODE_GONE,
+            only_here=accusation.silent,
+            period=(service.period or 0.0) if kind in BY_LINK else 0.0,
+            quick=service.contain is Contain.NODE,
+        )
 
     # A kill goes on, and is over.
 
     def heed(self, event: KillEvent) -> List[Said]:
         """Go on with a kill."""
-        strained = self._robot.computers.strained(self._host_of(event.node))
-        return self._outcomes(self.kills.handle(event, strained))
+        return self._outcomes(self.kills.handle(event))
 
     def tick(self) -> List[Said]:
-        """Let time pass: go on with kills, restarts, and looks which process a node is."""
+        """Let time pass: go on with kills and restarts, and learn which process a node is."""
         time = self._robot.time
         said = self._outcomes(self.kills.tick(time))
         for node in self.kills.again.pop_due(time):
             said += self._kill_again(node)
         for node in self._returns.pop_due(time):
             said += self._return_due(node, self._cases[node])
-        for node in self._learning.pop_due(time):
-            said.append(events.LearnNode(node, self._tries[node][1]))
+        said += self.identities.due(time)
         return said
 
     def computer_heard(self, host: str) -> List[Said]:
         """Begin the kills that have waited for a computer."""
-        if not self._robot.computers.reachable(host):
-            return []
-        steady, time = self._robot.computers.of(host).steady, self._robot.time
-        due = [
-            node
-            for node, each in self._pending.items()
-            if each.host == host
-            and (not each.silent or time - max(each.since, steady) >= CERTAIN_S)
-        ]
-        said: List[Said] = []
-        for node in due:
-            del self._pending[node]
-            said += self._kill_again(node)
-        return said
+        return [said for node in self.kills.heard_of(host) for said in self._kill_again(node)]
 
     def computer_lost(self, host: str, why: str) -> List[Said]:
         """End the kills on a computer that is lost: they go on when it is back."""
-        said: List[Said] = []
-        for node in sorted(self._health.dying):
-            if self._host_of(node) == host:
-                said += self._outcomes(self.kills.unreached(self._robot.time, node, why))
-        return said
+        there = [node for node in sorted(self._health.dying) if self._robot.host_of(node) == host]
+        time = self._robot.time
+        return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
     def _kill_again(self, node: str) -> List[Said]:
         """Kill a node that is still accused, and has not returned, or was left behind."""
         said: List[Said] = []
         if node in self._orphans:
-            said += self.kill(KillNode(node, urgent=True))
+            said += self.kills.order(KillNode(node))
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
                 order = self._order(service, accusation)
-                said += self.kill(replace(order, urgent=True, only_here=False))
+                said += self.kills.order(replace(order, urgent=True, only_here=False))
         return said
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
         """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
-            found += self._notes[each.outcome](each) if isinstance(each, KillOver) else [each]
+            found += self._over(each) if isinstance(each, KillOver) else [each]
         return found
 
-    def _gone(self, kill: KillOver) -> List[Said]:
+    def _over(self, kill: KillOver) -> List[Said]:
+        """Note how a kill ended: whoever is not heard of or may do well is killed later."""
+        node, host = kill.node, self._robot.host_of(kill.node)
+        accusations = self._accusations(node)
+        if kill.outcome is Outcome.UNREACHED and not host:
+            kill = replace(kill, outcome=Outcome.UNSURE)
+        if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
+            for each in accusations:
+                each.kind = Kind.SILENT
+            return [kill]
+        if kill.outcome is Outcome.WELL:
+            self.kills.wait(kill, host, silent=True)
+            news = any(each.excuse != kill.cause for each in accusations)
+            for each in accusations:
+                each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
+            return [kill] if news else []
+        if kill.outcome is Outcome.UNREACHED:
+            self.kills.wait(kill, host, silent=all(each.silent for each in accusations))
+        for each in accusations:
+            each.decision = f"{node} is gone" if each.kept else each.decision
+            each.fate = Fate.NONE
+        if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
+            return [kill, *self._gone(kill)]
+        if kill.outcome is Outcome.UNREACHED:
+            return [kill]
+        self._leave_alone(node)
+        return [Log(Level.ERROR, f"{node} is not touched: {kill.detail}."), kill]
+
+    def _gone(self, kill: KillOver) -> List[Command]:
         """A node is gone, or could not be reached to make sure."""
-        time, node, case = kill.time, kill.node, self._cases.get(kill.node)
-        certain = kill.outcome is Outcome.GONE
-        said: List[Said] = []
-        self._health.gone(node, time)
-        self.went(node)
+        node, case = kill.node, self._cases.get(kill.node)
+        commands: List[Command] = []
+        self._health.gone(node, kill.time)
+        self.identities.went(node)
         if node not in self._health.excluded:  # it is back already, as another process
             for topic in sorted(self._health.topics.get(node, ())):
                 if self._health.healthy((topic, node)):
-                    said += self.came_up(node, topic)
+                    commands += self.identities.came_up(node, topic)
         self.forget_restarted(node)
-        if certain:
-            self._orphans.discard(node)
-        self._settle(node)
-        if case and certain:  # its last failure was its own
+        if kill.outcome is Outcome.UNSURE:
+            self._leave_alone(node)
+            return commands
+        self._orphans.discard(node)
+        if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
-        elif case:
-            self._left_alone(node, case)
-        return [kill, *said]
-
-    def _spared(self, kill: KillOver) -> List[Said]:
-        """Note that a node lost its connection, but still runs."""
-        for accusation in self._accusations(kill.node):
-            accusation.kind = Kind.SILENT
-        return [kill]
-
-    def _untouched(self, kill: KillOver) -> List[Said]:
-        self._settle(kill.node)
-        if kill.node in self._cases:
-            self._left_alone(kill.node, self._cases[kill.node])
-        return [Log(Level.ERROR, f"{kill.node} is not touched: {kill.detail}."), kill]
-
-    def _unreached(self, kill: KillOver) -> List[Said]:
-        """Finish the kill of a node when its computer is back."""
-        host = self._host_of(kill.node)
-        if not host:
-            return self._gone(replace(kill, outcome=Outcome.UNSURE))
-        silent = all(each.silent for each in self._accusations(kill.node))
-        self._pending[kill.node] = _Pending(host, kill.time, silent)
-        self._settle(kill.node)
-        return [kill]
-
-    def _alive(self, kill: KillOver) -> List[Said]:
-        """Ask the computer of a node again while it is missed here, as it may do well there."""
-        self._pending[kill.node] = _Pending(self._host_of(kill.node), kill.time, True)
-        accusations = self._accusations(kill.node)
-        news = any(each.excuse != kill.cause for each in accusations)
-        for each in accusations:
-            each.decision = f"{kill.node} is not killed: {kill.detail}, {kill.cause}"
-            each.fate, each.excuse = Fate.NONE, kill.cause
-        return [kill] if news else []
+        return commands
 
     def _accusations(self, node: str) -> List[Accusation]:
         return list(self._cases[node].accusations.values()) if node in self._cases else []
 
-    def _settle(self, node: str) -> None:
-        """Note that a node is gone, or cannot be reached to make sure."""
-        for each in self._accusations(node):
-            if each.kept:
-                each.decision = f"{node} is gone"
-            each.fate = Fate.NONE
-
-    def _left_alone(self, node: str, case: Case) -> None:
+    def _leave_alone(self, node: str) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
-        if case.refusals:
-            self.trust(node)  # it cannot be kept out, and two publishers are worse than one
-        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
+        case = self._cases.get(node)
+        if case and case.refusals:
+            self.forgive(node)  # it cannot be kept out, and two publishers are worse than one
+        if case:
+            trust = replace(case.trust, start_at=None, awaited_by=None, exhausted=True)
+            self._trust(node, case, trust)
 
     def end_orphan(self, node: str) -> List[Command]:
         """End a substitute that was left behind; a busy computer may not find it at once."""
         self._orphans.add(node)
-        return self.kill(KillNode(node, urgent=True))
+        return self.kills.order(KillNode(node))
 
     # The way back.
 
@@ -419,7 +336,7 @@ class Nodes:
         """Return how far a node is trusted, and how often it was started again."""
         return self._cases[node].trust
 
-    def may_restart(self, node: str) -> bool:
+    def _may_restart(self, node: str) -> bool:
         """Tell that a node would be started again if its policy is that."""
         trust = self._cases[node].trust
         used_up = trust.exhausted or trust.restarts >= self._settings.node_restarts
@@ -444,33 +361,35 @@ class Nodes:
             trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
             within = settings.relapse * settings.hold_off
             if trust.returned is None or time - trust.returned > within:
-                self._forgive(node, case, trust)
+                self._trust(node, case, trust)
+                self.forgive(node)
                 return
-        by_link = kind in BY_LINK and bool(self._host_of(service.node))
+        by_link = kind in BY_LINK and bool(self._robot.host_of(service.node))
         doubtful = trust.doubtful + (by_link or kind in MISSED)
         relapses = trust.relapses + 1
         trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)
 
-    def excuse(self, host: str, heard: float) -> List[Said]:
-        """Blame no node for its silence since its computer was heard, which was cut off."""
-        said: List[Said] = []
+    def excuse(self, host: str, heard: float) -> List[str]:
+        """Blame no node for its silence since its computer was heard, which was cut off.
+
+        Returns the nodes that are not kept out by that.
+        """
+        excused: List[str] = []
         for node, case in self._cases.items():
             silent = any(each.silent for each in case.accusations.values())
-            if silent and case.failed_at >= heard and self._host_of(node) == host:
+            if silent and case.failed_at >= heard and self._robot.host_of(node) == host:
                 former = case.before
                 trust = replace(case.trust, relapses=former.relapses, doubtful=former.doubtful)
                 self._trust(node, case, replace(trust, soon=former.soon))
-                said.append(TrustChanged(heard, node))
-        return said
+                excused.append(node)
+        return excused
 
-    def left_in_order(self, event: events.NodeUnregistered) -> List[Said]:
+    def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
-        case = self._cases.get(event.node, Case())
-        gone = any(each.kind is Kind.NODE_GONE for each in case.accusations.values())
-        if gone and case.trust.soon:
-            self.trust(event.node)
-        return [TrustChanged(event.time, event.node)] if gone else []
+        gone = any(each.kind is Kind.NODE_GONE for each in self._accusations(node))
+        if gone and self._cases[node].trust.soon:
+            self.forgive(node)
 
     def returned(self, service: str, node: str, since: float) -> None:
         """A node publishes a service again, `since` a moment."""
@@ -511,32 +430,34 @@ class Nodes:
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
-        order = KillNode(node, True, topic=own[0].topic)
-        return [Log(Level.WARN, text), *self.kill(order)]
+        return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
 
-    def trust(self, node: str) -> None:
+    def forgive(self, node: str) -> None:
         """Forget the relapses of a node."""
-        self._forgive(node, self._cases[node], self._cases[node].trust)
-
-    def _forgive(self, node: str, case: Case, trust: Trust) -> None:
+        case = self._cases[node]
         case.refusals = 0
-        forgiven = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
-        self._trust(node, case, forgiven)
+        none = replace(case.trust, relapses=0, doubtful=0, soon=False, returned=None)
+        self._trust(node, case, none)
 
-    def refuse(self, order: KillNode) -> List[Command]:
+    def refuse(self, node: str, topic: str) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
-        self._cases[order.node].refusals += 1
-        return self.kill(order)
+        self._cases[node].refusals += 1
+        return self.kills.order(KillNode(node, topic, at_once=True))
 
     def refusals(self, node: str) -> int:
         """Return how often a node was refused, if that is to be told: ever more seldom; else 0."""
         count = self._cases[node].refusals
         return 0 if count & (count - 1) else count  # 1, 2, 4, 8, ...
 
-    def forget_restarted(self, node: str) -> bool:
-        """Note that a node that was started again is gone, or is ended. Returns that it was one."""
+    @property
+    def restarted(self) -> Tuple[RestartedNode, ...]:
+        """Return the nodes that were started again."""
+        rows = self._robot.records.rows.values()
+        return tuple(each for each in rows if isinstance(each, RestartedNode))
+
+    def forget_restarted(self, node: str) -> None:
+        """Note that a node that was started again is gone, or is ended."""
         self._robot.records.set(f"restarted {node}", None)
-        return self.restarted.pop(node, None) is not None
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
@@ -552,37 +473,9 @@ class Nodes:
         self._robot.records.set(f"node {node}", record)
         self._returns.set(node, trust.awaited_by if trust.start_at is None else trust.start_at)
 
-    # Which process a node is: looked at while it is healthy, once each time that it comes up.
-
-    def came_up(self, node: str, topic: str) -> List[Command]:
-        """Learn a node that is healthy on a topic, unless it is known."""
-        if node in self._tries:
-            return []
-        self._tries[node] = 0, topic
-        return [events.LearnNode(node, topic)]
-
-    def learned(self, event: events.NodeLearned) -> None:
-        """Note what was learned; the next try follows after a pause if it failed."""
-        health = self._health
-        if not event.known and event.node in self._tries:
-            tries, topic = self._tries[event.node]
-            self._tries[event.node] = min(tries + 1, len(LEARN_PAUSES_S) - 1), topic
-            self._learning.set(event.node, event.time + LEARN_PAUSES_S[tries])
-        if event.known:
-            health.verified.add(event.node)
-        if event.protected:
-            health.protected[event.node] = event.protected
-        elif event.known:
-            health.protected.pop(event.node, None)
-
-    def went(self, node: str) -> None:
-        """Forget which process a node is: what comes up under its name is another one."""
-        if self._tries.pop(node, None) is not None:
-            self._learning.set(node, None)
-
     def validate(self) -> None:
         """Raise ShsaError if a node is to be killed, and nothing will happen."""
         for node, case in self._cases.items():
             killed = any(each.fate is Fate.KILLED for each in case.accusations.values())
-            if killed and node not in self._health.dying and node not in self._pending:
+            if killed and not self.kills.under_way(node):
                 raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

@@ -1,16 +1,5 @@
 """The plans that are made before they are needed."""
-from typing import (
-    Callable,
-    Collection,
-    Dict,
-    FrozenSet,
-    Iterable,
-    List,
-    Optional,
-    Set,
-    Tuple,
-    Union,
-)
+from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.plans import Plan, plan_service
@@ -129,7 +118,7 @@ class PlanTable:
         answer = self._answers.get(name)
         return answer if isinstance(answer, Plan) else None
 
-    def hopeless(self, name: str, excluded: Collection[str]) -> bool:
+    def hopeless(self, name: str, excluded: Iterable[str]) -> bool:
         """Tell that a service is known to have no plan without some nodes."""
         known = isinstance(self._answers.get(name), ShsaError)
         return known and self._avoided[name] <= set(excluded)

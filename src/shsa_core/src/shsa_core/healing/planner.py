@@ -1,6 +1,6 @@
 """Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
-from typing import Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Collection, Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.choice import MARGIN
 from shsa_core.codegen.generator import ways_of
@@ -8,6 +8,7 @@ from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
 from shsa_core.healing.health import Availability, Health
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.plan_table import PlanTable
 from shsa_core.healing.settings import ENOUGH, RECALLED, STEPS, Settings
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
@@ -25,12 +26,13 @@ class Calibrations:
     """The newest calibration of every program that may substitute a service.
 
     While a service is being healed they stay as they were at the failure, but for their errors.
-    `replan`: the services for which another plan may be best by them now.
+    `measured`: what derivations of a service's values have erred by, by their `way`. `replan`: the
+    services for which another plan may be best by that now.
     """
 
     def __init__(self) -> None:
         self.replan: Set[str] = set()
-        self._measured: Dict[str, Dict[str, Error]] = {}
+        self.measured: Dict[str, Dict[str, Error]] = {}
         self._known: Dict[str, Dict[Program, Calibrated]] = {}
         self._later: Dict[str, Dict[Program, Calibrated]] = {}
 
@@ -46,10 +48,6 @@ class Calibrations:
         by_way, ways = dict(pairs), ways_of(program)
         found = tuple(by_way.get(way, UNCALIBRATED) for way in ways)
         return found if any(way in by_way for way in ways) else ()
-
-    def measured(self, service: str) -> Mapping[str, Error]:
-        """Return what derivations of a service's values have erred by, by their `way`."""
-        return self._measured.get(service, {})
 
     def add(self, row: CalibrationRow, healing: bool) -> bool:
         """Note what the monitor tells; `healing`: of a service that is healed. True: it counts."""
@@ -70,7 +68,7 @@ class Calibrations:
 
     def _measure(self, row: CalibrationRow) -> None:
         """Note what is measured, where it changes much: plans are not to change all the time."""
-        measured = self._measured.setdefault(row.service, {})
+        measured = self.measured.setdefault(row.service, {})
         for way, error in zip(ways_of(row.program), (each.error for each in row.calibrations)):
             if error is None or (error.n or 0) < ENOUGH:
                 continue
@@ -83,7 +81,7 @@ class Calibrations:
         """The monitor follows a program no more."""
         self._known.get(service, {}).pop(program, None)
         for way in ways_of(program):
-            self._measured.get(service, {}).pop(way, None)
+            self.measured.get(service, {}).pop(way, None)
 
     def recall(self, service: str, program: Program, outputs: Sequence[Signal]) -> None:
         """Note how a former reconfigurator has calibrated a program."""
@@ -98,13 +96,54 @@ class Calibrations:
         """There is no such service any more."""
         self._known.pop(service, None)
         self._later.pop(service, None)
-        self._measured.pop(service, None)
+        self.measured.pop(service, None)
 
 
 def _samples(calibrations: Calibrated) -> int:
     """Return how much is known at least of what is calibrated."""
     errors = (each.error for each in calibrations if each != UNCALIBRATED)
     return min((error.n or 0 for error in errors if error is not None), default=0)
+
+
+class Indexes:
+    """Services by what they read and wait for, kept up as they decide.
+
+    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty
+    node is kept. `computed`: those that a substitute computes, or is to: without which node, and
+    which plans were tried in vain.
+    """
+
+    def __init__(self) -> None:
+        self.stuck: Dict[str, None] = {}
+        self.kept: Dict[str, None] = {}
+        self.computed: Dict[str, Tuple[str, FrozenSet[Plan]]] = {}
+        self.refused: Dict[str, str] = {}
+        self._reads: Dict[str, Dict[str, None]] = {}
+        self._readers: Dict[str, Set[str]] = {}
+
+    def readers(self, services: Iterable[str]) -> List[str]:
+        """Return the services whose substitute reads one of some services."""
+        return sorted({name for each in services for name in self._readers.get(each, ())})
+
+    def follow(
+        self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
+    ) -> None:
+        """Note how a service has decided, and what its substitute reads now."""
+        self.stuck.pop(name, None)
+        self.kept.pop(name, None)
+        self.computed.pop(name, None)
+        sources = plan.inputs if plan else ()
+        for read in self._reads.get(name, ()):
+            self._readers[read].discard(name)
+        self._reads[name] = {each.service.name: None for each in sources}
+        for read in self._reads[name]:
+            self._readers.setdefault(read, set()).add(name)
+        if incident.state in STUCK or (plan and plan.left_out):
+            self.stuck[name] = None
+        if incident.state is State.KEPT or incident.kept:
+            self.kept[name] = None
+        if incident.state in SUBSTITUTED:
+            self.computed[name] = incident.faulty_node, tried
 
 
 class Planner:
@@ -147,7 +186,7 @@ class Planner:
 
     def predictor_of(self, service: str) -> Optional[Predictor]:
         """Return who predicts errors of a service's values: those that were measured come first."""
-        found, measured = self.predictor, self.calibrations.measured(service)
+        found, measured = self.predictor, self.calibrations.measured.get(service)
         return found.knowing(measured) if found is not None and measured else found
 
     def replan(self) -> None:
@@ -203,10 +242,6 @@ class Planner:
         question = self.ontology, service, self.plans.sources, excluded, self._method, tried
         return plan_service(*question, self.predictor_of(service.name), STEPS)
 
-    def ahead(self, service: Service) -> Plan:
-        """Return the best plan for the case that a service's node fails. Raises ShsaError."""
-        return self.plans.plan(service.name) or self.explain(service)
-
     def explain(self, service: Service, without: Collection[str] = (), method: str = "") -> Plan:
         """Search it, also without some services, nodes and topics. Raises ShsaError."""
         publishers = {row.publisher for row in self._health.originals(self.som, service)}
@@ -223,13 +258,9 @@ class Planner:
             for source in plan.inputs
         )
 
-    def unavailable(self, service: str) -> Tuple[str, ...]:
-        """Return the services other than `service` that nothing can be derived from now."""
-        return tuple(sorted(self._availability.unavailable - {service}))
-
     def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan reads."""
-        return self._signals(plan.inputs)
+        return self.signals(plan.inputs)
 
     def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan gives; a takeover asks it of one plan several times."""
@@ -241,7 +272,7 @@ class Planner:
 
     def _outputs(self, plan: Plan, known: Calibrated) -> Tuple[Signal, ...]:
         """Return it with gain, offset and error as the living sensor has shown."""
-        signals = self._signals(plan.outputs, written=True)
+        signals = self.signals(plan.outputs, written=True)
         found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
         for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
             if source.provision.calibrate:
@@ -254,11 +285,7 @@ class Planner:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
         return tuple(signal.error for signal in self.outputs(plan))
 
-    def signals_of(self, service: Service) -> Tuple[Signal, ...]:
-        """Return what any substitute of a service gives."""
-        return tuple(self._signal(source, True) for source in service.sources)
-
-    def _signals(self, sources: Tuple[Source, ...], written: bool = False) -> Tuple[Signal, ...]:
+    def signals(self, sources: Tuple[Source, ...], written: bool = False) -> Tuple[Signal, ...]:
         """Return them as the SOM says now: a period may have changed since the plan was made."""
         return tuple(self._signal(source, written) for source in sources)
 

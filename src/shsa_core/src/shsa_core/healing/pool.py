@@ -73,7 +73,7 @@ class Pool:
             service.name,
             planner.inputs(plan) if plan else (),
             plan.program.code if plan else "",
-            planner.outputs(plan) if plan else planner.signals_of(service),
+            planner.outputs(plan) if plan else planner.signals(service.sources, written=True),
             plan.relations if plan else (),
             plan.quality if plan else 0.0,
             others=service.others,
@@ -123,46 +123,30 @@ class Starts:
     """The pace of starts, so that the robot's own nodes are not starved by what stands by.
 
     A failure never waits: only what is prepared asks for room. `waiting`: services that do.
+    `held_until`: nothing that stands by is started before.
     """
 
     def __init__(self) -> None:
-        self._began: Dict[str, float] = {}  # processes that come up
         self.waiting: Dict[str, None] = {}
-        self._held = -inf
+        self.held_until = -inf
+        self._coming: Dict[str, float] = {}  # until when processes are awaited
 
     @property
     def deadline(self) -> Optional[float]:
         """Return when the next one may be started at the latest, in s; None: nobody waits."""
         if not self.waiting:
             return None
-        ends = sorted(began + START_S for began in self._began.values())
-        room = ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf
-        return max(room, self._held)
-
-    def hold(self, time: float) -> None:
-        """Start nothing that stands by: it can soon be forked."""
-        self._held = time + START_S
-
-    def release(self) -> None:
-        """Start what stands by: it can be forked."""
-        self._held = -inf
-
-    def held(self, time: float) -> bool:
-        """Tell that what stands by waits until it can be forked."""
-        return time < self._held
-
-    def earliest(self, due: Optional[float]) -> Optional[float]:
-        """Return when something that stands by, and is due at a moment, may be started; in s."""
-        return None if due is None else max(due, self._held)
+        ends = sorted(self._coming.values())
+        return max(ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf, self.held_until)
 
     def began(self, time: float, node: str) -> None:
         """Note that a process is started; forget those that were awaited for long enough."""
-        self._began = {n: b for n, b in self._began.items() if time < b + START_S}
-        self._began[node] = time
+        self._coming = {n: end for n, end in self._coming.items() if time < end}
+        self._coming[node] = time + START_S
 
     def over(self, node: str) -> None:
         """Note that a process was heard, or has ended."""
-        self._began.pop(node, None)
+        self._coming.pop(node, None)
 
     def may(self, time: float, service: str) -> bool:
         """Tell that a service may have a hot substitute started now; else it waits for its turn."""
@@ -180,5 +164,5 @@ class Starts:
 
     def _room(self, time: float) -> int:
         """Return how many may be started now."""
-        coming_up = sum(time < began + START_S for began in self._began.values())
-        return 0 if self.held(time) else max(0, AT_ONCE - coming_up)
+        coming_up = sum(time < end for end in self._coming.values())
+        return 0 if time < self.held_until else max(0, AT_ONCE - coming_up)

@@ -12,30 +12,33 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Command, Pulse, Log
 from shsa_core.healing.placement import Place, Placement
 from shsa_core.healing.pool import Pool, Starts
-from shsa_core.healing.records import IdleProcess, Table
+from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, CHANGEOVER_S, LONGEST_START_S, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
 from shsa_core.monitoring.events import PublisherState
+from shsa_core.table import Table
 
 
 class Processes:
     """The processes that run: where, and for which services.
 
-    `wanted`: the table of substitutions. The first `hot_hosts` hot substitutes on our own computer
-    have a process each; those after them share processes of so many at most. None share one whose
-    services the same node publishes: so no single fault has two of a process publish, and the end
-    of a process takes no more away than where each has its own.
+    `wanted`: the table of substitutions. `plans`: what the substitute of each service follows,
+    and since when. The first `hot_hosts` hot substitutes on our own computer have a process
+    each; those after them share processes of so many at most. None share one whose services the
+    same node publishes: so no single fault has two of a process publish, and the end of a
+    process takes no more away than where each has its own.
     """
 
     def __init__(self, robot: Robot) -> None:
         self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
         self.pool = Pool(robot.settings)
         self.starts = Starts()
+        self.substitutes: Dict[str, "Substitute"] = {}
         self._most = robot.settings.hot_hosts
         self._robot = robot
         self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
@@ -51,7 +54,8 @@ class Processes:
     @property
     def deadline(self) -> Optional[float]:
         """Return when something that stands by is to be started, in s; None: nothing is."""
-        dues = (self.starts.earliest(self.pool.deadline), self.starts.deadline)
+        idle, starts = self.pool.deadline, self.starts
+        dues = (None if idle is None else max(idle, starts.held_until), starts.deadline)
         return min((due for due in dues if due is not None), default=None)
 
     def served(self, node: str) -> Tuple[str, ...]:
@@ -86,10 +90,10 @@ class Processes:
         here = {host, self._robot.computers.in_som(host)}
         found = []
         for name in self.working_on(host):
-            changed, plan = self._robot.indexes.working[name]
-            service = self._robot.som.services.get(name)
-            if service is not None and changed > since:
-                found.append(cost([each.service for each in plan.inputs], service, here))
+            substitute, service = self.substitutes[name], self._robot.som.services.get(name)
+            if service is not None and substitute.plan and substitute.changed > since:
+                inputs = [each.service for each in substitute.plan.inputs]
+                found.append(cost(inputs, service, here))
         return found
 
     # One is started, or set to work.
@@ -103,9 +107,13 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and not host and self._shares(service, plan)
-        rows = self._robot.health.rows.get(service.topic, {}).values()
+        rows = self._robot.health.rows[service.topic].values()
         speak = [row.publisher for row in rows if row.state is PublisherState.HEALTHY]
-        spare = self.pool.spare(host, speak) if is_warm(service) and not shared else None
+        spare = (
+            self.pool.spare(host, speak)
+            if standby(service) is Standby.WARM and not shared
+            else None
+        )
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
@@ -143,7 +151,7 @@ class Processes:
             self._robot.elsewhere[node] = host
         if shared:
             self._shared[node] = len(services) < self._most
-        elif is_hot(service):
+        elif standby(service) is Standby.HOT:
             self._alone.add(service.name)
 
     def _shares(self, service: Service, plan: Plan) -> bool:
@@ -231,7 +239,7 @@ class Processes:
             return commands
         for node in self.pool.surplus():
             commands += self.drop_idle(node)
-        host = None if self.starts.held(time) else self.pool.due(time)
+        host = None if time < self.starts.held_until else self.pool.due(time)
         while host is not None:
             command = events.StartSubstitute(self._robot.names.fresh("standby"), None, host=host)
             commands.append(self._start(command))
@@ -261,16 +269,10 @@ class Processes:
                 raise ShsaError(f"{idle.node} stands by on a computer that is lost")
 
 
-def is_warm(service: Service) -> bool:
-    """Tell that idle processes are ready for a service."""
-    needed = bool(service.needed)
-    return needed and service.standby is Standby.WARM and service.policy.substitutes
-
-
-def is_hot(service: Service) -> bool:
-    """Tell that a substitute of a service computes before it is needed."""
-    needed = bool(service.needed)
-    return needed and service.standby is Standby.HOT and service.policy.substitutes
+def standby(service: Service) -> Standby:
+    """Return what is ready before a service fails; cold where nothing would be started."""
+    starts = bool(service.needed) and service.policy.substitutes
+    return service.standby if starts else Standby.COLD
 
 
 class Substitute:
@@ -290,6 +292,7 @@ class Substitute:
         self.working_since = self.changed = 0.0
         self.patience = TAKEOVER_S
         self.plan_to_blame = True
+        processes.substitutes[service] = self
         self._service = service
         self._robot = robot
         self._processes = processes
@@ -306,21 +309,6 @@ class Substitute:
     def whole(self) -> bool:
         """Tell that it computes all values of the service."""
         return self.plan is not None and self.plan.computes and not self.plan.left_out
-
-    @property
-    def changing(self) -> bool:
-        """Tell that it may be silent, as it has changed its program."""
-        return self._robot.time < self.changed + CHANGEOVER_S
-
-    @property
-    def starting(self) -> bool:
-        """Tell that its process may still be on its way up, as on a busy machine."""
-        return self._robot.time < self.started + LONGEST_START_S
-
-    @property
-    def lost_input(self) -> bool:
-        """Tell that something that it reads is not available any more."""
-        return self.plan is not None and not self._robot.planner.usable(self.plan)
 
     def find(self, service: Service, faulty: str) -> Plan:
         """Return the plan to follow now: the one that is followed, if it holds and gives all.
@@ -340,11 +328,6 @@ class Substitute:
             return self._robot.planner.plan(service, tried, faulty)
         except ShsaError:
             return None
-
-    def leave_plan(self) -> None:
-        """Count the plan that is followed as tried; the process goes on."""
-        if self.plan is not None:
-            self.tried |= {self.plan}
 
     def use(
         self, service: Service, plan: Plan, publishes: bool = False, ahead: bool = False
@@ -372,13 +355,11 @@ class Substitute:
         coming_up = self.started + robot.settings.start_timeout - now
         self.patience = max(TAKEOVER_S, coming_up)
         self.plan_to_blame = starts or publishes
-        robot.indexes.working[service.name] = now, plan
         return commands
 
     def take_up(self, row: Substitution, plan: Plan, working_since: float) -> None:
         """Go on with a process of a former reconfigurator that works on a plan."""
         self.node, self.host, self.shared, self.plan = row.node, row.host, row.shared, plan
-        self._robot.indexes.working[self._service] = self._robot.time, plan
         self.working_since = self.started = working_since
         self.changed = self._robot.time
         self.plan_to_blame = False
@@ -400,7 +381,7 @@ class Substitute:
         """
         robot = self._robot
         try:
-            plan = robot.planner.ahead(service)
+            plan = robot.planner.plans.plan(service.name) or robot.planner.explain(service)
             if plan == self.plan:
                 return []
             if not self.node and not self._processes.starts.may(robot.time, service.name):
@@ -412,7 +393,6 @@ class Substitute:
     def drop(self) -> List[Command]:
         """End the process."""
         node, self.node, self.host, self.shared, self.plan = self.node, "", "", False, None
-        self._robot.indexes.working.pop(self._service, None)
         return self._processes.leave(self._service, node) if node else []
 
     def failed(self, tried: bool) -> List[Command]:
@@ -422,7 +402,7 @@ class Substitute:
         """
         self._deaths += 1
         if self.plan is not None and (tried or self._deaths > self._robot.settings.restarts):
-            self.leave_plan()
+            self.tried |= {self.plan}
             self._deaths = 0
         return self.drop()
 

@@ -1,17 +1,13 @@
 """The records that the reconfigurator writes before it acts, for the one that comes after it.
 
-Each record has a key; the newest of a key counts. Times in s of the monotonic clock. A table of
-them, as any table that is shown, travels as changes.
+Each record has a key; the newest of a key counts. Times in s of the monotonic clock.
 """
 from dataclasses import dataclass
-from typing import Callable, Dict, Generic, Iterable, List, Optional, Tuple, TypeVar, Union
+from typing import Iterable, Optional, Tuple, Union
 
 from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
-
-Row = TypeVar("Row")
-Shown = TypeVar("Shown")
 
 
 class Fate(Word):
@@ -137,31 +133,3 @@ def of_this_robot(
     if same_run or not named.isdisjoint(running):
         return records
     return tuple(each for each in records if isinstance(each, Counters))
-
-
-class Table(Generic[Row, Shown]):
-    """Rows by key, and which of them differ from what `show` was made of last."""
-
-    def __init__(self, show: Callable[[Tuple[Row, ...], Tuple[str, ...]], Shown]) -> None:
-        self.rows: Dict[str, Row] = {}
-        self._show = show
-        self._before: Dict[str, Optional[Row]] = {}  # of those that were set
-
-    def set(self, key: str, row: Optional[Row]) -> None:
-        """Put the row of a key; None: it has none."""
-        before = self.rows.get(key)
-        if row == before:
-            return
-        self._before.setdefault(key, before)
-        if row is None:
-            del self.rows[key]
-        else:
-            self.rows[key] = row
-
-    def change(self) -> List[Shown]:
-        """Return what is to be shown now: one change, or none."""
-        set_, self._before = self._before, {}
-        keys = [key for key, before in set_.items() if self.rows.get(key) != before]
-        changed = tuple(self.rows[key] for key in keys if key in self.rows)
-        removed = tuple(key for key in keys if key not in self.rows)
-        return [self._show(changed, removed)] if keys else []

@@ -10,11 +10,12 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
-from shsa_core.healing.node import no_accusation
+from shsa_core.healing.node import Accusation
 from shsa_core.healing.placement import NoRoom, Place
 from shsa_core.healing.records import Fate
-from shsa_core.healing.process import is_hot, is_warm
+from shsa_core.healing.process import standby
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
+from shsa_core.healing.settings import LONGEST_START_S
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
 from shsa_core.model.substitution import Program
@@ -129,10 +130,10 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
     """
     robot, spec, substitute = service.robot, service.spec, service.substitute
     unseen = robot.health.row((spec.topic, service.node)) is None
-    spare = service.processes.pool.spare(substitute.host) if is_warm(spec) else None
+    spare = service.processes.pool.spare(substitute.host) if standby(spec) is Standby.WARM else None
     away = not robot.computers.reachable(robot.computers.name(spec.host))
     ready = spare is not None and spare.node in service.processes.pool.heard
-    starting = unseen and substitute.starting and not ready
+    starting = unseen and robot.time < substitute.started + LONGEST_START_S and not ready
     if starting or not robot.health.watched(spec.topic, away):
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience
@@ -155,8 +156,8 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     if another is None:
         return [Log(Level.WARN, f"{text}, and there is no other.")]
     said = Log(Level.WARN, f"{text}. The next best takes its place.")
-    if not well:
-        substitute.leave_plan()
+    if not well and substitute.plan is not None:
+        substitute.tried |= {substitute.plan}
         return [said, *heal(service)]
     service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
     return [*substitute.use(spec, another), said]
@@ -248,11 +249,11 @@ def ends_at(service: ServiceMachine) -> Optional[float]:
 
 def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, object]:
     """Return what an incident shows of the plan that is carried out, or could be."""
-    planner = service.robot.planner
+    planner, unavailable = service.robot.planner, service.robot.availability.unavailable
     program, computes = plan.program if plan else NOTHING, plan and plan.computes
     outputs = planner.outputs(plan) if plan and computes else ()
     return {
-        "unavailable": planner.unavailable(service.spec.name),
+        "unavailable": tuple(sorted(unavailable - {service.spec.name})),
         "inputs": program.inputs if computes else (),
         "code": program.code,
         "outputs": program.outputs,
@@ -264,23 +265,22 @@ def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, obje
     }
 
 
-def wait(service: ServiceMachine) -> bool:
-    """Set the time of the next try. Returns that it is waited for already."""
-    waits = service.state in WAITING
+def wait(service: ServiceMachine, acts: bool = True) -> List[Command]:
+    """Set the time of the next try, and run the last resort, if it `acts`, before the first."""
+    waits, spec = service.state in WAITING, service.spec
     due = service.timers.get(Trigger.RETRY) if waits else None
     service.timers.clear()
     service.timers[Trigger.RETRY] = service.robot.time + pause(service) if due is None else due
-    return waits
+    words = spec.last_resort.command
+    return [RunCommand(spec.name, words)] if words and acts and not waits else []
 
 
 def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List[Command]:
     """Say what could be done: the node is kept, and nobody publishes beside it."""
     spec, incident = service.spec, service.incident
-    commands = [] if is_hot(spec) else service.substitute.drop()
-    waits, words = wait(service), spec.last_resort.command
+    commands = [] if standby(spec) is Standby.HOT else service.substitute.drop()
     acts = spec.policy is not Policy.ADVISE and incident.kind is not Kind.REQUESTED
-    if words and acts and not waits:
-        commands.append(RunCommand(spec.name, words))
+    commands += wait(service, acts)
     could = f"It cannot be replaced: {none}"
     if plan is not None:
         could = f"It could be replaced: {told(plan)}"
@@ -302,18 +302,17 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
     """Say what is missing, and try again later: nothing can substitute."""
     spec, incident = service.spec, service.incident
     commands = service.substitute.use_safe_values(spec)
-    waits, words, plan = wait(service), spec.last_resort.command, service.substitute.plan
-    service.nodes.trust(incident.faulty_node)  # one that keeps failing is better than none
+    commands += wait(service)
+    plan = service.substitute.plan
+    service.nodes.forgive(incident.faulty_node)  # one that keeps failing is better than none
     missing = none.missing if isinstance(none, NoSubstitute) else ()
-    state = State.SAFE if plan or words else State.UNHEALED
+    state = State.SAFE if plan or spec.last_resort.command else State.UNHEALED
     before = (incident.state, incident.missing, incident.substitute, incident.decision)
     if before == (state, missing, service.node, service.accusation.decision):
         return commands
     text = f"{spec.topic} cannot be healed now: {none}."
     if plan:
         text += " Its safe values are published."
-    if words and not waits:
-        commands.append(RunCommand(spec.name, words))
     commands.append(Log(Level.ERROR, text))
     return commands + service.step(
         state=state,
@@ -346,7 +345,7 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
 
 def prepare(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Keep the substitute of a hot service on the best plan; without an incident."""
-    hot = is_hot(service.spec)
+    hot = standby(service.spec) is Standby.HOT
     return service.substitute.prepare(service.spec) if hot else service.substitute.drop()
 
 
@@ -389,7 +388,7 @@ def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
 
 def end(service: ServiceMachine, _: Failure) -> List[Command]:
     """End the incident: the original is well again."""
-    hot = is_hot(service.spec)
+    hot = standby(service.spec) is Standby.HOT
     stopped = " The substitute has stopped." if service.node and not hot else ""
     commands = [] if hot else service.substitute.drop()
     return commands + close(service, service.incident.detail + stopped) + prepare(service)
@@ -405,7 +404,7 @@ def close(service: ServiceMachine, why: str) -> List[Command]:
     """Close the incident."""
     node, time = service.incident.faulty_node, service.robot.time
     commands = service.step(state=State.ENDED, ended=time, detail=why)
-    service.incident, service.accusation = WELL, no_accusation()
+    service.incident, service.accusation = WELL, Accusation()
     service.last_message = b""
     service.timers.clear()
     service.pauses = 0

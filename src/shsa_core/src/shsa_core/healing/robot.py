@@ -3,18 +3,18 @@ from dataclasses import replace
 from math import inf
 from typing import Dict, Iterator, Optional
 
-from shsa_core.healing.containment import Indexes
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
-from shsa_core.healing.hosts import Computers
 from shsa_core.healing.naming import Names
-from shsa_core.healing.planner import Calibrations, Planner
-from shsa_core.healing.records import Record, Table
+from shsa_core.healing.placement import Computers
+from shsa_core.healing.planner import Calibrations, Indexes, Planner
+from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.table import Table
 
 
 class Robot:

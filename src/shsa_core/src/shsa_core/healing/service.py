@@ -10,23 +10,15 @@ from typing import Callable, Deque, Dict, FrozenSet, List, Mapping, Optional, Tu
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing import events
-from shsa_core.healing.events import (
-    Command,
-    FailureSeen,
-    Log,
-    ShowIncident,
-    SubstituteStarted,
-)
+from shsa_core.healing.events import Command, FailureSeen, Log, RestartFailed, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
-from shsa_core.healing.kill import KillNode, KillOver, Outcome
-from shsa_core.healing.node import Accusation, NodeEvent, Nodes, TrustChanged, no_accusation
-from shsa_core.healing.records import Fate, ServiceRecord
+from shsa_core.healing.kill import KillOver, Outcome
+from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import START_S, SAME_S
+from shsa_core.healing.settings import CHANGEOVER_S, SAME_S
 from shsa_core.healing.process import Processes, Substitute
-from shsa_core.model.kinds import Kind, OnPartition, Policy
+from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
@@ -67,7 +59,7 @@ class ServiceMachine:
         self.processes = processes
         self._transitions = transitions
         self.incident = WELL
-        self.accusation = no_accusation()
+        self.accusation = Accusation()
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
@@ -85,11 +77,6 @@ class ServiceMachine:
     def node(self) -> str:
         """Return the substitute's node name; empty without one."""
         return self.substitute.node
-
-    @property
-    def deadline(self) -> Optional[float]:
-        """Return when `tick` has something to do, in s; None: nothing is due."""
-        return min(self.timers.values(), default=None)
 
     @property
     def publishes(self) -> bool:
@@ -200,7 +187,8 @@ class ServiceMachine:
         if event.kind is Kind.NO_VALUE:
             follows = self.substitute.computes and self.state in (State.WELL, *SUBSTITUTED)
             return self.fire(Trigger.NO_VALUE) if follows else []
-        changing = event.kind is Kind.SILENT and self.substitute.changing
+        changing = event.kind is Kind.SILENT
+        changing = changing and self.robot.time < self.substitute.changed + CHANGEOVER_S
         if changing and self.state not in SUBSTITUTED:
             return []
         if event.kind is Kind.SILENT and self.yields:
@@ -215,34 +203,30 @@ class ServiceMachine:
             return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self.step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
-        return self._substitute_failed(event.detail, tried)
+        return self.substitute_failed(event.detail, tried)
 
     # The node that is blamed: its kill goes on, it comes back, or it is judged again.
 
-    def heed(self, event: NodeEvent) -> List[Command]:
-        """Go on by what became of the faulty node."""
-        topic, node = self.incident.topic, event.node
-        if isinstance(event, events.RestartFailed):
-            self.start_node()
-            text = f"{topic}: {node} cannot be started again: {event.detail}."
-            return [Log(Level.ERROR, text), *self.replan()]
-        if isinstance(event, TrustChanged):
-            return self.step() if self.incident.kept_out is not self.kept_out else []
-        if event.outcome is Outcome.GONE:
-            return self._killed(event) + self.changed()
-        if event.outcome is Outcome.SPARED:
+    def heed(self, kill: KillOver) -> List[Command]:
+        """Go on by how the kill of the faulty node has ended."""
+        if kill.outcome is Outcome.GONE:
+            return self._killed(kill) + self.changed()
+        if kill.outcome is Outcome.SPARED:
             return self.step()
-        text = self.accusation.decision
-        if event.outcome is Outcome.UNREACHED:
-            text = f"{node} may still run: {event.detail}"
-        elif event.outcome is Outcome.UNSURE:
-            text = f"{node} may still be running: {event.detail}"
-        elif event.outcome is Outcome.ANOTHER:
-            text = f"{node} is left alone: {event.detail}"
-        over = event.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
-        said = Log(Level.ERROR if over else Level.WARN, f"{topic}: {text}.")
+        over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
+        said = Log(Level.ERROR if over else Level.WARN, f"{self.incident.topic}: {kill.told}.")
         commands: List[Command] = [said, *self.step(detail=said.text)]
         return commands + self.replan() + self.changed() if over else commands
+
+    def restart_failed(self, event: RestartFailed) -> List[Command]:
+        """Try to start the faulty node again, if it may be."""
+        self.start_node()
+        text = f"{self.incident.topic}: {event.node} cannot be started again: {event.detail}."
+        return [Log(Level.ERROR, text), *self.replan()]
+
+    def show_trust(self) -> List[Command]:
+        """Show that the faulty node is kept out no more."""
+        return self.step() if self.incident.kept_out is not self.kept_out else []
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
@@ -270,43 +254,31 @@ class ServiceMachine:
 
         The substitute goes on. Who costs what nothing replaces is let in once it publishes.
         """
-        node, nodes, health = self.incident.faulty_node, self.nodes, self.robot.health
-        if not self.refuses or self.accusation.kept or node in health.dying or self._awaited():
+        node, nodes, robot = self.incident.faulty_node, self.nodes, self.robot
+        if not self.refuses or self.accusation.kept or node in robot.health.dying:
             return []
+        others = (each for each in nodes.accusers(node) if each != self.spec.name)
+        if any(each in robot.indexes.stuck for each in others):
+            return []  # it may bring a service that nothing else gives
         if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
             return []
-        order = KillNode(node, urgent=True, at_once=True, topic=self.spec.topic)
-        return nodes.refuse(order)
-
-    def _awaited(self) -> bool:
-        """Tell that the faulty node may bring another service that nothing else gives."""
-        accusers = self.nodes.accusers(self.incident.faulty_node)
-        return any(n in self.robot.indexes.stuck for n in accusers if n != self.spec.name)
+        return nodes.refuse(node, self.spec.topic)
 
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
-        self.nodes.trust(self.incident.faulty_node)
+        self.nodes.forgive(self.incident.faulty_node)
         return self.fire(Trigger.REPLAN) if self.state in WAITING else self.step()
 
     # The substitute's process.
 
-    def started(self, event: SubstituteStarted) -> List[Command]:
-        """Note that the substitute was set to work."""
-        well = self.state is State.WELL
-        return [] if well else self.step(found=event.found, spawned=event.time)
+    def started(self, found: float, time: float) -> List[Command]:
+        """Note that the substitute was set to work; its plan was `found` before."""
+        return [] if self.state is State.WELL else self.step(found=found, spawned=time)
 
-    def exited(self, why: str) -> List[Command]:
-        """Replace the substitute's process, which has ended."""
-        return self._substitute_failed(why, False)
-
-    def process_hangs(self) -> List[Command]:
-        """Replace the substitute's process, which hangs."""
-        return self._substitute_failed("its process gives no sign of life", False)
-
-    def _substitute_failed(self, why: str, tried: bool) -> List[Command]:
-        """Stop the substitute; its plan is not tried again if `tried`."""
+    def substitute_failed(self, why: str, tried: bool = False) -> List[Command]:
+        """Replace the substitute; its plan is not tried again if `tried`."""
         text = f"{self.spec.topic}: the substitute failed: {why}."
         commands = [*self.substitute.failed(tried), Log(Level.WARN, text)]
         return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
@@ -357,7 +329,8 @@ class ServiceMachine:
         refused = self._refuse()
         back = not refused and self.returned() is not None
         commands += self.fire(Trigger.RETURNED) if back else refused
-        if self.state in SUBSTITUTED and self.substitute.lost_input:
+        plan = self.substitute.plan
+        if self.state in SUBSTITUTED and plan is not None and not self.robot.planner.usable(plan):
             text = f"{self.spec.topic}: the substitute lost an input."
             commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
         return commands
@@ -389,7 +362,7 @@ class ServiceMachine:
 
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
-        row = self.robot.health.rows.get(self.spec.topic, {}).get(self.substitute.node)
+        row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
         if row is None or row.state is not PublisherState.HEALTHY:
             return None
         least = self.substitute.working_since - SAME_S
@@ -469,63 +442,6 @@ class ServiceMachine:
         alone = len(robot.som.of_topic(spec.topic)) == 1
         fits = here and alone and self.spec.policy.substitutes and self.substitute.whole
         return (spec.bridges or 0.0) * (spec.period or 0.0) if fits else 0.0
-
-    def record(self, row: Optional[Substitution]) -> ServiceRecord:
-        """Return what is to be known after a death, with the substitute's row."""
-        spec, accused = self.spec, self.accusation
-        shown = None if self.incident is WELL else self.incident
-        return ServiceRecord(spec.name, spec.topic, shown, accused.kind, accused.fate, row)
-
-    def take_up(self, record: ServiceRecord, runs: bool) -> List[Command]:
-        """Go on as a record says; `runs`: the substitute's process does.
-
-        A node whose kill was not over is judged again once the monitor tells that it still fails:
-        under its name there may be another process by now.
-        """
-        incident, row, robot = record.incident, record.substitution, self.robot
-        if incident is not None and incident.state is State.ENDED:
-            return [ShowIncident(incident)]  # it may not have been written to the log
-        if incident is not None and incident.topic != self.spec.topic:
-            return []
-        if incident is not None:
-            self.incident = incident
-            node, decision = incident.faulty_node, incident.decision
-            fate = record.fate if incident.killed is None else Fate.NONE
-            fate = Fate.OPEN if fate is Fate.KILLED else fate
-            back, gated = incident.state is State.RETURNING, self.spec.gated
-            self.accusation = Accusation(node, record.kind, fate, decision, gated=gated, back=back)
-            self.nodes.take_up(self.spec.name, self.accusation)
-        commands = self.substitute.drop()  # it may stand by for us already
-        commands += [] if incident is None else [ShowIncident(incident)]
-        plan = None
-        if row is not None:
-            advises = self.spec.policy is Policy.ADVISE
-            plan = None if advises else robot.planner.recall(self.spec, row)
-            self.last_message = row.last_message
-            if plan is not None:
-                since = robot.time if incident is None else incident.detected
-                self.substitute.take_up(row, plan, since)
-        self._set_timer()
-        if row is None or (plan is not None and runs):
-            return commands
-        why = "its process died"
-        if plan is None:
-            why = "what it computes does not fit ontology and SOM, or the policy, any more"
-            self.substitute.node, self.substitute.shared = row.node, row.shared
-        text = f"{self.spec.topic}: the substitute that was left behind is of no use: {why}."
-        commands += [*self.substitute.failed(False), Log(Level.WARN, text)]
-        return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
-
-    def _set_timer(self) -> None:
-        """See to it that something happens in every state, also if nothing is ever heard again."""
-        state, later = self.state, self.robot.time + START_S
-        if state is State.HEALING:
-            self.timers[Trigger.LATE if self.substitute.node else Trigger.REPLAN] = later
-        elif state is State.RETURNING:
-            hold_off = self.nodes.hold_off(self.incident.faulty_node)
-            self.timers[Trigger.STEADY] = self.robot.time + max(START_S, hold_off)
-        elif state in WAITING:
-            self.timers[Trigger.RETRY] = later
 
     def validate(self) -> None:
         """Raise ShsaError if something is not as it must be."""

@@ -8,18 +8,22 @@ from typing import List
 
 from shsa_core.healing import events, hearing
 from shsa_core.healing.core import Core
-from shsa_core.healing.events import Command, Log
+from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import WAITING, Incident, State, Trigger
 from shsa_core.healing.planner import program_of
 from shsa_core.healing.records import (
     Counters,
+    Fate,
     Healthy,
     IdleProcess,
     NodeRecord,
     RestartedNode,
     ServiceRecord,
 )
+from shsa_core.healing.service import ServiceMachine
+from shsa_core.healing.settings import START_S
+from shsa_core.model.kinds import Policy
 from shsa_core.model.log import Level
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -32,12 +36,12 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        core.processes.starts.hold(event.time)
+        core.processes.starts.held_until = event.time + START_S
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
     commands = _take_up(core, event)
-    kept = {*core.processes.nodes, *core.nodes.restarted}
+    kept = {*core.processes.nodes, *(each.node for each in core.nodes.restarted)}
     stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
     for node in event.running:
         if node not in kept | stopped:
@@ -69,7 +73,6 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
         elif isinstance(record, NodeRecord):
             core.nodes.recall(record)
         elif isinstance(record, RestartedNode) and record.node in event.running:
-            core.nodes.restarted[record.node] = record.with_us
             robot.records.set(record.key, record)
     for each in stand:  # all of them, before any can end a process that it shares
         row = each.substitution
@@ -125,7 +128,60 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
     if row is not None:
         robot.calibrations.recall(record.service, program_of(row), row.outputs)
     runs = row is not None and row.node in event.running
-    return core.ask(record.service, lambda service: service.take_up(record, runs))
+    return core.ask(record.service, lambda service: _go_on(service, record, runs))
+
+
+def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[Command]:
+    """Go on with a service as a record says; `runs`: the substitute's process does.
+
+    A node whose kill was not over is judged again once the monitor tells that it still fails:
+    under its name there may be another process by now.
+    """
+    spec, robot, substitute = service.spec, service.robot, service.substitute
+    incident, row = record.incident, record.substitution
+    shown: List[Command] = [] if incident is None else [ShowIncident(incident)]
+    if incident is not None and incident.state is State.ENDED:
+        return shown  # it may not have been written to the log
+    if incident is not None and incident.topic != spec.topic:
+        return []
+    if incident is not None:
+        service.incident = incident
+        service.accusation = accused = service.nodes.accuse(spec, incident.faulty_node, record.kind)
+        accused.decision, accused.back = incident.decision, incident.state is State.RETURNING
+        if incident.killed is not None:
+            accused.fate = Fate.NONE
+        elif record.fate is not Fate.KILLED:
+            accused.fate = record.fate
+    commands = substitute.drop() + shown  # it may stand by for us already
+    plan = None
+    if row is not None:
+        advises = spec.policy is Policy.ADVISE
+        plan = None if advises else robot.planner.recall(spec, row)
+        service.last_message = row.last_message
+        if plan is not None:
+            substitute.take_up(row, plan, robot.time if incident is None else incident.detected)
+    _set_timer(service)
+    if row is None or (plan is not None and runs):
+        return commands
+    why = "its process died"
+    if plan is None:
+        why = "what it computes does not fit ontology and SOM, or the policy, any more"
+        substitute.node, substitute.shared = row.node, row.shared
+    text = f"{spec.topic}: the substitute that was left behind is of no use: {why}."
+    commands += [*substitute.failed(False), Log(Level.WARN, text)]
+    return commands + service.fire(Trigger.SUBSTITUTE_FAILED)
+
+
+def _set_timer(service: ServiceMachine) -> None:
+    """See to it that something happens in every state, also if nothing is ever heard again."""
+    state, now = service.state, service.robot.time
+    if state is State.HEALING:
+        service.timers[Trigger.LATE if service.node else Trigger.REPLAN] = now + START_S
+    elif state is State.RETURNING:
+        hold_off = service.nodes.hold_off(service.incident.faulty_node)
+        service.timers[Trigger.STEADY] = now + max(START_S, hold_off)
+    elif state in WAITING:
+        service.timers[Trigger.RETRY] = now + START_S
 
 
 def _withdrawn(incident: Incident, time: float) -> Command:

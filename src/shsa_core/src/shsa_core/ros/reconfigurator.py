@@ -23,7 +23,7 @@ from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.healing.duties import duties_of, subscribers_of
+from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -243,7 +243,7 @@ class ReconfiguratorNode:
         self._hear_monitors(som)
         put_som(som)
         self._may_act(som)
-        self._put(events.ModelsReloaded(clock.now(), ontology, self._usable(som)))
+        self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
 

@@ -8,7 +8,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.duties import subscribers_of
+from shsa_core.analysis.duties import subscribers_of
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import Former, RecordFile, read_records

@@ -24,6 +24,11 @@ class LastMessage:
 
 
 @dataclass(frozen=True)
+class Act:
+    """Something is to be done: one of the classes below that no other is made of."""
+
+
+@dataclass(frozen=True)
 class Event:
     """Something has happened: one of the classes below that no other is made of."""
 
@@ -100,7 +105,7 @@ class ConsumerJoined(Event):
 
 
 @dataclass(frozen=True)
-class LookAtOriginal:
+class LookAtOriginal(Act):
     """Ask the node `original` to whom it publishes a topic (OriginalServes)."""
 
     asked: float
@@ -141,7 +146,7 @@ class OtherGone(Event):
 
 
 @dataclass(frozen=True)
-class LookAtOthers:
+class LookAtOthers(Act):
     """Look whether the connection to a publisher of an overheard topic stands (OthersStand).
 
     What has come on it, but is not read yet, is told before that (OtherHeard).
@@ -192,14 +197,14 @@ LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 
 @dataclass(frozen=True)
-class Listen:
+class Listen(Act):
     """Send the values of these signals from now on, beside those of before."""
 
     inputs: Tuple[Signal, ...]
 
 
 @dataclass(frozen=True)
-class Overhear:
+class Overhear(Act):
     """Tell from now on of others who publish on a topic (OtherHeard), and are gone (OtherGone)."""
 
     topic: str
@@ -207,7 +212,7 @@ class Overhear:
 
 
 @dataclass(frozen=True)
-class Advertise:
+class Advertise(Act):
     """Register as a publisher, and say when that is done (Advertised).
 
     `latched`: say to consumers that who subscribes late gets the newest message.
@@ -219,14 +224,14 @@ class Advertise:
 
 
 @dataclass(frozen=True)
-class Withdraw:
+class Withdraw(Act):
     """Publish on these topics no more."""
 
     topics: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Compose:
+class Compose(Act):
     """From now on messages on a topic start from its last good one.
 
     That is `last_message`, serialized; empty: not known. `written`: the fields that are computed,
@@ -243,7 +248,7 @@ class Compose:
 
 
 @dataclass(frozen=True)
-class Publish:
+class Publish(Act):
     """Publish one message with `values` in the fields `outputs`.
 
     It goes to the consumer `only`, empty: to every consumer but those in `served`. `stamp` in ns;
@@ -258,7 +263,7 @@ class Publish:
 
 
 @dataclass(frozen=True)
-class Announce:
+class Announce(Act):
     """Tell every subscriber of a topic at once that we publish it."""
 
     topic: str
@@ -266,26 +271,26 @@ class Announce:
 
 
 @dataclass(frozen=True)
-class Remind:
+class Remind(Act):
     """Tell those subscribers of these topics who have not connected who publishes them."""
 
     topics: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class LookAtHealer:
+class LookAtHealer(Act):
     """Ask when a reconfigurator gave a sign of life (HealerHeard)."""
 
 
 @dataclass(frozen=True)
-class TakeOver:
+class TakeOver(Act):
     """Follow this row as if it came from the table (RowChanged): no reconfigurator is there."""
 
     row: Substitution
 
 
 @dataclass(frozen=True)
-class TellNoValue:
+class TellNoValue(Act):
     """Tell the reconfigurator that the program has no value now: its law does not hold."""
 
     service: str
@@ -293,26 +298,10 @@ class TellNoValue:
 
 
 @dataclass(frozen=True)
-class GiveUp:
+class GiveUp(Act):
     """End the node: it cannot do what it was started for."""
 
     reason: str
 
 
-Command = Union[
-    Listen,
-    Overhear,
-    Advertise,
-    Withdraw,
-    Compose,
-    Publish,
-    Announce,
-    Remind,
-    LookAtOriginal,
-    LookAtOthers,
-    LookAtHealer,
-    TakeOver,
-    TellNoValue,
-    GiveUp,
-    Log,
-]
+Command = Union[Act, Log]

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
 from shsa_core.files.som_file import PARAMETER, read_som, read_tree
-from shsa_core.healing.duties import duties_of
+from shsa_core.analysis.duties import duties_of
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.naming import HEALERS, Names
 from shsa_core.model.names import full_name
