@@ -4,9 +4,11 @@ from typing import Any, List
 from monitor_bench import PERIOD, Bench, message_checks, provision, row, service
 
 from shsa_core.healing.events import HealthSeen
+from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Health
 from shsa_core.model.checks import UnknownPublisher
 from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.table import Table
 
 
 def two_drivers(**left: Any) -> Bench:
@@ -64,7 +66,7 @@ def test_each_service_that_nobody_ever_publishes_for_has_the_row_once() -> None:
     assert sorted(told(bench)) == ["arm  never_published", "wheels  never_published"]
     failed = [row for change in bench.changes for row in change.rows if row.kind is not None]
     assert sorted(row.service for row in failed) == ["arm", "wheels"]
-    heard, seen = Health(), []
+    heard, seen = Health(Table(WriteDown)), []
     for each in bench.changes:
         _, failures = heard.heed(HealthSeen(each.time, each.rows, each.removed))
         seen += [failure.service for failure in failures]

@@ -2,12 +2,14 @@
 from typing import List, Tuple
 
 from shsa_core.healing.events import HealthSeen
+from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Health
 from shsa_core.healing.settings import START_S
 from shsa_core.model.host import Host
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.table import Table
 
 PI, BOARD = "pi", "board"
 
@@ -63,7 +65,7 @@ def test_the_hosts_stay() -> None:
 
 
 def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:
-    health = Health()
+    health = Health(Table(WriteDown))
     health.heed(told("", "/steering"))
     health.heed(told(PI, "/current", "/left"))
     assert health.heed(told(PI, "/current"))[0] == [
@@ -76,7 +78,7 @@ def test_the_whole_table_of_one_monitor_leaves_the_rows_of_the_others() -> None:
 
 
 def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watches() -> None:
-    health = Health()
+    health = Health(Table(WriteDown))
     health.heed(told("", "/steering"))
     health.heed(told(PI, "/current"))
     health.heed(told(PI, anew=True, time=2.0))
@@ -88,7 +90,7 @@ def test_a_monitor_that_starts_anew_puts_nobody_in_doubt_whom_another_one_watche
 
 
 def test_what_a_former_reconfigurator_knew_is_taken_over_by_whoever_tells_of_it() -> None:
-    health = Health()
+    health = Health(Table(WriteDown))
     for topic in ("/current", "/steering"):
         health.recall(row(topic))
     health.heed(told(PI, "/current"))

@@ -3,13 +3,12 @@
 The machines of services, nodes and processes are joined here. What an event does not concern stays
 as it is, so that a decision costs the same on a large robot.
 """
-from dataclasses import replace
 from typing import Callable, Dict, Iterable, List, Optional
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing import events
 from shsa_core.healing.events import Command
-from shsa_core.healing.incident import WELL, Incident, State
+from shsa_core.healing.incident import WELL, Incident
 from shsa_core.healing.kill import KillOver, Said
 from shsa_core.healing.node import Nodes
 from shsa_core.healing.process import Processes
@@ -37,7 +36,7 @@ class Core:
         self.asked: Agenda[str] = Agenda()
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
         self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
-        self._ended: List[str] = []  # records whose incident has ended with the last event
+        self._ended: Dict[str, str] = {}  # records whose incident has ended, and the services
 
     def add(self, service: Service) -> None:
         """Heal a service from now on."""
@@ -78,7 +77,7 @@ class Core:
         if row is not None:
             self.processes.wanted.set(row_key(row), row)
         if shown is not None and incident is WELL:  # it is kept until it is told, and logged
-            self._ended.append(record.key)
+            self._ended[record.key] = name
             robot.calibrations.healed(name)
         empty = record == ServiceRecord(name, record.topic)
         robot.records.set(record.key, None if empty else record)
@@ -160,11 +159,7 @@ class Core:
 
     def forget_ended(self) -> None:
         """Forget the incidents that have ended with the event before: they are logged by now."""
-        keys, self._ended = self._ended, []
-        for key in keys:
-            record = self.robot.records.rows.get(key)
-            if isinstance(record, ServiceRecord) and record.incident is not None:
-                if record.incident.state is State.ENDED:
-                    record = replace(record, incident=None)
-                empty = record == ServiceRecord(record.service, record.topic)
-                self.robot.records.set(key, None if empty else record)
+        ended, self._ended = self._ended, {}
+        for key, name in ended.items():
+            self.robot.records.set(key, None)
+            self.ask(name, lambda each: [])  # what else is to be known of it

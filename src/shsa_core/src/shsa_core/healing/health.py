@@ -3,7 +3,8 @@ from collections import defaultdict
 from dataclasses import replace
 from typing import Collection, DefaultDict, Dict, FrozenSet, List, Mapping, Optional, Set, Tuple
 
-from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState, ShowSom
+from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState, ShowSom, WriteDown
+from shsa_core.healing.records import Healthy, Record
 from shsa_core.healing.settings import START_S, SAME_S
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
@@ -29,7 +30,8 @@ class Health:
     subscribe to each topic. `due`: when `missed` has something to tell.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, records: Table[Record, WriteDown]) -> None:
+        self._records = records
         self.rows: DefaultDict[str, Dict[str, PublisherHealth]] = defaultdict(dict)
         self.topics: Dict[str, Dict[str, None]] = {}
         self.substitutes = RecentNames()
@@ -151,6 +153,8 @@ class Health:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
             self.verified.discard(node)
+        well = Healthy(topic, node, row.since, self.templates.get(row.key, b""))
+        self._records.set(well.key, well if row.state is HEALTHY else None)
         if row.state is not HEALTHY or row.since <= self.excluded.get(node, row.since):
             return []
         del self.excluded[node]
@@ -159,6 +163,7 @@ class Health:
     def _forget(self, key: Key) -> None:
         topic, node = key
         self.rows[topic].pop(node, None)
+        self._records.set(f"healthy {topic} {node}", None)
         self._told_at.pop(key, None)
         self._stranded.discard(key)
         topics = self.topics.get(node, {})

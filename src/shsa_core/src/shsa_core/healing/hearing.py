@@ -14,7 +14,6 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSeen, HostLost
 from shsa_core.healing.events import HostSeen, Log
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.records import Healthy
 from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
@@ -57,7 +56,6 @@ def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
         host = robot.host_of(publisher or service.node) if robot.som.hosts else ""
         if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
             robot.computers.doubt(host, event.time)
-        _write_health(core, (topic, publisher))
     core.unsettle([name, *core.concerned(topic, publisher)])
     return core.ask(name, lambda each: each.failed(event))
 
@@ -99,7 +97,6 @@ def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -
     concerned: Dict[str, None] = {}
     judged: Dict[str, None] = {}
     for topic, publisher in keys:
-        _write_health(core, (topic, publisher))
         served = core.processes.served(publisher)
         if served:
             concerned.update(dict.fromkeys(_substituted(core, topic, served)))
@@ -145,15 +142,6 @@ def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Comm
     return []
 
 
-def _write_health(core: Core, key: Key) -> None:
-    topic, node = key
-    row = core.robot.health.rows[topic].get(node)
-    well = row is not None and row.state is PublisherState.HEALTHY
-    template = core.robot.health.templates.get(key, b"")
-    record = Healthy(topic, node, row.since, template) if row is not None and well else None
-    core.robot.records.set(f"healthy {topic} {node}", record)
-
-
 def tick(core: Core, time: float) -> List[Command]:
     """Act on monitors that should have told something by now, and have not."""
     robot = core.robot
@@ -164,7 +152,7 @@ def tick(core: Core, time: float) -> List[Command]:
         elsewhere = [node for node in processes if robot.host_of(node) != host]
         commands += _changed(core, *robot.health.lose_monitor(time, host, why, elsewhere))
         working = core.processes.working_on(host)  # what was heard so far is not now
-        commands += core.ask_all(working, lambda each: each.host_lost(why))
+        commands += core.ask_all(working, lambda each: each.rehost())
     missed = robot.health.missed(time)
     return commands + ([] if missed is None else health_seen(core, missed))
 
@@ -227,10 +215,8 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
     commands += core.settle() + _excuse(core, host, heard)
     commands += core.deliver(core.nodes.computer_lost(host, why))
-    for node in processes.pool.on(host):
-        commands += processes.drop_idle(node)
     _place_warm(core)
-    commands += core.ask_all(processes.working_on(host), lambda each: each.host_lost(why))
+    commands += core.ask_all(processes.working_on(host), lambda each: each.rehost())
     for service in robot.on(host):
         if service.on_partition is OnPartition.WAIT and service.needed:
             commands += core.ask(service.name, lambda each: each.replan())

@@ -1,6 +1,6 @@
 """Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
-from typing import Collection, Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
+from typing import Any, Collection, Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.choice import MARGIN
 from shsa_core.codegen.generator import ways_of
@@ -257,6 +257,16 @@ class Planner:
             and excluded.isdisjoint(services[source.service.name].causes)
             for source in plan.inputs
         )
+
+    def row(self, service: Service, plan: Optional[Plan], **more: Any) -> Substitution:
+        """Return a row of the table of substitutions; `plan`: what is followed, as far as known."""
+        more.update(service=service.name, others=service.others)
+        if plan is None:
+            outputs = self.signals(service.sources, written=True)
+            return Substitution(inputs=(), code="", outputs=outputs, **more)
+        signals = {"inputs": self.inputs(plan), "outputs": self.outputs(plan)}
+        more.update(relations=plan.relations, quality=plan.quality)
+        return Substitution(code=plan.program.code, **signals, **more)
 
     def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan reads."""

@@ -4,6 +4,7 @@ from typing import Container, Counter, Dict, List, Optional, Set
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
+from shsa_core.healing.placement import Computers
 from shsa_core.healing.planner import Planner
 from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, PAUSE_S, START_S, Settings
@@ -43,14 +44,12 @@ class Pool:
         running = [each.host for each in self.processes.values()]
         return [host for host in sorted(self._wanted) if running.count(host) < self._settings.pool]
 
-    def surplus(self) -> List[str]:
-        """Return the processes on computers that no warm service is placed on any more."""
-        wanted, idle = self._wanted, self.processes.values()
-        return [each.node for each in idle if wanted and each.host not in wanted]
-
-    def on(self, host: str) -> List[str]:
-        """Return the processes on a computer."""
-        return [each.node for each in self.processes.values() if each.host == host]
+    def surplus(self, computers: Computers) -> List[str]:
+        """Return the processes on computers that are lost, or have no warm service any more."""
+        idle, wanted = self.processes.values(), self._wanted
+        unwanted = (each for each in idle if wanted and each.host not in wanted)
+        lost = (each for each in idle if computers.lost(each.host))
+        return list(dict.fromkeys(each.node for each in (*unwanted, *lost)))
 
     def spare(self, host: str, speak: Container[str] = ()) -> Optional[IdleProcess]:
         """Return a process on a computer to set to work, rather one that was heard already.
@@ -68,17 +67,7 @@ class Pool:
         """Be ready on a computer for a warm service, as far as its plan is known."""
         self.forget(service.name)
         self._wanted[host] += 1
-        row = Substitution(
-            "",
-            service.name,
-            planner.inputs(plan) if plan else (),
-            plan.program.code if plan else "",
-            planner.outputs(plan) if plan else planner.signals(service.sources, written=True),
-            plan.relations if plan else (),
-            plan.quality if plan else 0.0,
-            others=service.others,
-            host=host,
-        )
+        row = planner.row(service, plan, node="", host=host)
         self.plans[service.name] = row
         return row
 

@@ -237,7 +237,7 @@ class Processes:
         commands: List[Command] = []
         if not self.pool.plans and not self.pool.processes:
             return commands
-        for node in self.pool.surplus():
+        for node in self.pool.surplus(self._robot.computers):
             commands += self.drop_idle(node)
         host = None if time < self.starts.held_until else self.pool.due(time)
         while host is not None:

@@ -36,7 +36,7 @@ class Robot:
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
-        self.health = Health()
+        self.health = Health(self.records)
         self.availability = Availability(self.health)
         self.computers = Computers(settings, host)
         self.indexes = Indexes()

@@ -283,24 +283,21 @@ class ServiceMachine:
         commands = [*self.substitute.failed(tried), Log(Level.WARN, text)]
         return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
 
-    def host_lost(self, why: str) -> List[Command]:
-        """Let another process take over from one whose computer is not heard any more.
-
-        While the substitute is heard it goes on, as only the agent may have died; of one whose
-        messages are due at no time, that cannot be said.
-        """
-        heard = self.robot.health.healthy((self.spec.topic, self.node))
-        if heard and self.publishes and not self.spec.event_driven:
-            return []
-        return self._move(f"{self.node} cannot be reached: {why}")
-
     def rehost(self) -> List[Command]:
         """Move a substitute that stands by to where it belongs: the computers are others now.
 
-        One that publishes stays where it is, as long as that is allowed.
+        One that publishes stays where it is, as long as that is allowed, and it is heard if its
+        computer is not: only the agent may have died. Of one whose messages are due at no time,
+        that cannot be said.
         """
-        substitute = self.substitute
+        substitute, robot = self.substitute, self.robot
         if not self.node or substitute.plan is None:
+            return []
+        lost = robot.computers.lost(substitute.host)
+        heard = robot.health.healthy((self.spec.topic, self.node)) and not self.spec.event_driven
+        if lost and not (heard and self.publishes):
+            return self._move(f"{self.node} cannot be reached: {substitute.host} is lost: {lost}")
+        if lost:
             return []
         if not self.processes.placement.allowed(self.spec, substitute.host):
             return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
@@ -405,24 +402,18 @@ class ServiceMachine:
         substitute, plan, spec = self.substitute, self.substitute.plan, self.spec
         if plan is None or not substitute.node:
             return None
-        planner, publishes = self.robot.planner, self.publishes
-        parted = self.parted
-        return Substitution(
-            substitute.node,
-            spec.name,
-            planner.inputs(plan),
-            plan.program.code,
-            planner.outputs(plan),
-            plan.relations,
-            plan.quality,
-            publishes,
-            self.incident.faulty_node if self.incident.killed and not spec.gated else "",
-            spec.others,
-            self.last_message,
-            substitute.host,
-            spec.on_partition if parted else OnPartition.WAIT,
-            self.yields,
-            0.0 if publishes else self._bridge(),
+        publishes = self.publishes
+        return self.robot.planner.row(
+            spec,
+            plan,
+            node=substitute.node,
+            publishing=publishes,
+            original=self.incident.faulty_node if self.incident.killed and not spec.gated else "",
+            last_message=self.last_message,
+            host=substitute.host,
+            on_partition=spec.on_partition if self.parted else OnPartition.WAIT,
+            yields=self.yields,
+            bridge=0.0 if publishes else self._bridge(),
             gated=spec.gated,
             shared=substitute.shared,
             template=self.robot.health.templates.get((spec.topic, spec.node), b""),

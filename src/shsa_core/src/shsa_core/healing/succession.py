@@ -107,7 +107,6 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
     moments, template = (since, since, since), record.template
     row = PublisherHealth(record.topic, node, state, *moments, last_message=template)
     robot.health.recall(row)
-    robot.records.set(record.key, record)
     if ours:
         return []
     core.unsettle(core.concerned(record.topic, node))
