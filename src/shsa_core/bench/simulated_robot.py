@@ -102,9 +102,7 @@ class Robot:
             if answer is not None:
                 self._waiting.append(answer)
             if isinstance(command, events.StartSubstitute):
-                self._waiting.append(
-                    events.ProcessPulse(self.time, command.node, events.Pulse.HEARD)
-                )
+                self._waiting.append(events.ProcessPulse(self.time, command.node, True))
         return taken
 
     def send(self, event: events.Event) -> float:

@@ -12,6 +12,8 @@ class ShsaError(Exception):
     What it quotes may come from anybody, so it is printable and not endless.
     """
 
+    missing: Tuple[str, ...] = ()  # what would have been needed
+
     def __init__(self, message: object = "") -> None:
         super().__init__(shown(message, LONGEST_LINE))
 

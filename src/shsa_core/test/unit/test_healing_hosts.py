@@ -94,7 +94,7 @@ def test_idle_processes_are_where_the_plans_of_warm_services_are_placed() -> Non
     assert stopped(commands) == [first.node]
     (row,) = robot.idle_rows()
     assert row.host == BOARD and robot.shown["a"].host == BOARD
-    robot.handle(events.ProcessPulse(3.5, row.node, events.Pulse.HEARD))
+    robot.handle(events.ProcessPulse(3.5, row.node, True))
     assign = only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
     assert assign.node == row.node and robot.shown[row.node].host == BOARD
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute)
@@ -151,9 +151,7 @@ def test_a_substitute_on_a_computer_that_is_forbidden_now_moves() -> None:
     (row,) = robot.working()
     for each in robot.said:
         if isinstance(each, events.StartSubstitute):
-            robot.handle(
-                events.ProcessPulse(4.0, each.node, events.Pulse.HEARD)
-            )  # there is room for another one
+            robot.handle(events.ProcessPulse(4.0, each.node, True))  # there is room for another one
     commands = robot.handle(
         events.SomChanged(5.0, som(standby=Standby.HOT, placement=Placement(forbid=(BOARD,))))
     )

@@ -49,7 +49,7 @@ def test_a_failure_is_handled_in_few_files_that_are_seldom_entered_again(standby
     som = Som([service("a", A, needed=True, standby=standby), service("b", B), service("c", C)])
     robot = Robot(som)
     for node in robot.core.substitutes:
-        robot.handle(events.ProcessPulse(3.0, node, events.Pulse.HEARD))
+        robot.handle(events.ProcessPulse(3.0, node, True))
     robot.idle(3.0)
     failure = events.FailureSeen(10.0, "", "/a", A, Kind.NODE_GONE, "it died.", 9.98)
     files = walked(robot, failure)

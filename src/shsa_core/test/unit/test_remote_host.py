@@ -103,7 +103,7 @@ def test_after_a_loss_both_begin_anew_and_what_is_not_wanted_is_stopped(
     session = cable.agent.session
     cable.whole = False
     cable.host.carry_out(events.StopSubstitute(node), cable.now)
-    cable.tell(events.ProcessPulse(0.0, node, events.Pulse.HUNG))
+    cable.tell(events.ProcessPulse(0.0, node, False))
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     cable.whole = True
     cable.pass_time(0.5)

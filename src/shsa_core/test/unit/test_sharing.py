@@ -35,7 +35,7 @@ def robot(nodes: str = NAMES, most: int = 2, period: Any = 0.02) -> Robot:
     while set(started(found)) - heard:
         for node in set(started(found)) - heard:
             heard.add(node)
-            found.handle(healing.ProcessPulse(2.0, node, healing.Pulse.HEARD))
+            found.handle(healing.ProcessPulse(2.0, node, True))
     return found
 
 
@@ -112,13 +112,13 @@ def test_a_process_ends_with_its_last_substitute() -> None:
 def test_the_end_of_a_process_concerns_all_that_share_it(kind: Any) -> None:
     found = robot()
     (node,) = (node for node, services in processes(found).items() if services == "cd")
-    detail = "killed" if kind is healing.ProcessExited else healing.Pulse.HUNG
+    detail = "killed" if kind is healing.ProcessExited else False
     before = set(started(found))
     found.handle(kind(10.0, node, detail))
     for time in (11.0, 12.0, 15.0, 20.0):
         found.handle(healing.Tick(time))
         for new in set(started(found)) - before:
-            found.handle(healing.ProcessPulse(time, new, healing.Pulse.HEARD))
+            found.handle(healing.ProcessPulse(time, new, True))
     rows = processes(found)
     assert node not in rows and sorted("".join(rows.values())) == list(NAMES)
 

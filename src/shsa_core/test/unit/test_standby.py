@@ -241,7 +241,7 @@ def test_a_process_that_was_heard_is_set_to_work_rather_than_one_that_was_not() 
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
     _, second = (row.node for row in robot.idle_rows())
-    robot.handle(events.ProcessPulse(6.0, second, events.Pulse.HEARD))
+    robot.handle(events.ProcessPulse(6.0, second, True))
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
 
 
@@ -252,7 +252,7 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
     robot.killed(10.01, A)
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute).node
     assert not has(robot.handle(events.Tick(12.0)), events.StopSubstitute)
-    robot.handle(events.ProcessPulse(12.5, refill, events.Pulse.HEARD))
+    robot.handle(events.ProcessPulse(12.5, refill, True))
     commands = robot.handle(events.Tick(14.0))
     assert events.StopSubstitute(hung) in commands
     assert only(commands, events.AssignSubstitute).node == refill
@@ -261,7 +261,7 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
 def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     robot = Robot(standby("warm"), pool=1)
     (row,) = robot.idle_rows()
-    commands = robot.handle(events.ProcessPulse(30.0, row.node, events.Pulse.HUNG))
+    commands = robot.handle(events.ProcessPulse(30.0, row.node, False))
     assert only(commands, events.StopSubstitute).node == row.node
     assert [each.node for each in robot.idle_rows()] == [
         only(commands, events.StartSubstitute).node
@@ -273,7 +273,7 @@ def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
     robot.handle(events.Tick(5.0))
     first, second = (row.node for row in robot.idle_rows())
     assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == first
-    commands = robot.handle(events.ProcessPulse(30.2, first, events.Pulse.HUNG))
+    commands = robot.handle(events.ProcessPulse(30.2, first, False))
     assert only(commands, events.StopSubstitute).node == first
     assert only(commands, events.AssignSubstitute).node == second
     assert publishing(robot) == (True,)
@@ -283,8 +283,6 @@ def test_one_that_publishes_and_hangs_is_ended() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     assert (
-        only(
-            robot.handle(events.ProcessPulse(21.0, node, events.Pulse.HUNG)), events.StopSubstitute
-        ).node
+        only(robot.handle(events.ProcessPulse(21.0, node, False)), events.StopSubstitute).node
         == node
     )

@@ -70,7 +70,7 @@ def test_hot_substitutes_are_started_one_after_another_as_they_are_heard() -> No
     assert robot.core.deadline == 1.0 + START_S
     seen = list(first)
     for node in first:
-        (following,) = started(robot.handle(events.ProcessPulse(1.5, node, events.Pulse.HEARD)))
+        (following,) = started(robot.handle(events.ProcessPulse(1.5, node, True)))
         seen.append(following)
     assert started(robot.handle(events.ProcessExited(1.6, seen[-1], "it crashed"))), "its turn"
 

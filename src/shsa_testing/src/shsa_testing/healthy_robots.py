@@ -535,7 +535,7 @@ class HealthyRobot:
         def up() -> None:
             if name in self._running:
                 self._heal(healing.SubstituteStarted(self.now, name, self.now))
-                self._heal(healing.ProcessPulse(self.now, name, healing.Pulse.HEARD))
+                self._heal(healing.ProcessPulse(self.now, name, True))
                 self._join(name)
 
         self._later(self.random.uniform(0.2, 0.6), up)

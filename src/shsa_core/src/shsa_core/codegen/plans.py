@@ -60,6 +60,14 @@ class Plan:
         return self.quality > 0.0
 
     @property
+    def told(self) -> str:
+        """Return it in words."""
+        using = ", ".join(self.relations) or "the same property elsewhere"
+        inputs = ", ".join(self.program.inputs) or "constants"
+        lacks = f"; {self.lacks}" if self.left_out else ""
+        return f"quality {self.quality:.2g} by {using} from {inputs}{lacks}"
+
+    @property
     def lacks(self) -> str:
         """Return what it leaves unknown, and why, in words; empty: it gives all values."""
         missing = listed(self.missing) or "any relation that yields it"

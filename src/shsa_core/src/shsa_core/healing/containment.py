@@ -5,7 +5,7 @@ from typing import List, Optional, Sequence, Set, Tuple
 from shsa_core.healing.health import HEALTHY, MISSED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
-from shsa_core.model.kinds import BY_LINK, Contain, Kind
+from shsa_core.model.kinds import BY_LINK, Contain, Kind, Policy
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
@@ -103,7 +103,19 @@ class Stakes:
         self._health = robot.health
         self._planner = robot.planner
 
-    def case(self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool) -> Case:
+    def verdict(
+        self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
+    ) -> Verdict:
+        """Decide about a node by all that is at stake; where healing advises, it says so."""
+        verdict = decide(self._case(service, node, kind, replaced, restarted))
+        if service.policy is not Policy.ADVISE:
+            return verdict
+        why = self._robot.waiting(service) or "healing advises"
+        return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
+
+    def _case(
+        self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool
+    ) -> Case:
         """Return the case of a node that failed on the topic of a service."""
         published = self._published(node)
         well = [s for s, row in published if row.state is HEALTHY and s.name != failed.name]

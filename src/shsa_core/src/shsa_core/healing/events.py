@@ -29,13 +29,6 @@ class Where(Word):
     UNREACHABLE = "unreachable"  # its computer was lost
 
 
-class Pulse(Word):
-    """The signs of life of a substitute's process."""
-
-    HEARD = "heard"
-    HUNG = "hung"  # it is stopped, or gives none for long
-
-
 @dataclass(frozen=True)
 class Event:
     """Something has happened: one of the classes below that no other is made of."""
@@ -215,9 +208,9 @@ class ProcessExited(NodeEvent):
 
 @dataclass(frozen=True)
 class ProcessPulse(NodeEvent):
-    """The process of a substitute gives its first sign of life; or none any more."""
+    """The process of a substitute is `heard` for the first time; or no more, as it hangs."""
 
-    pulse: Pulse
+    heard: bool
 
 
 @dataclass(frozen=True)

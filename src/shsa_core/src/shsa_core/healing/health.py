@@ -1,7 +1,7 @@
 """The health of the publishers of each topic, as the monitors tell it."""
 from collections import defaultdict
 from dataclasses import replace
-from typing import Collection, DefaultDict, Dict, FrozenSet, List, Mapping, Optional, Set, Tuple
+from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
@@ -42,7 +42,7 @@ class Health:
         self.verified: Set[str] = set()
         self.good: Set[Key] = set()
         self.templates: Dict[Key, bytes] = {}
-        self.consumers: Mapping[str, Tuple[str, ...]] = {}
+        self.consumers: Dict[str, Tuple[str, ...]] = {}
         self.due: Optional[float] = None
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
         self._lost: Set[str] = set()  # the computers whose monitors are not heard

@@ -12,7 +12,7 @@ from typing import Any, Callable, Collection, Dict, List, Optional, Tuple, Type
 
 from shsa_core import dispatch
 from shsa_core.codegen.plans import Plan
-from shsa_core.errors import ModelError, ShsaError
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events, hearing, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen, Log
@@ -23,9 +23,8 @@ from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Kind, Policy, Standby
+from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.log import Level
-from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -67,15 +66,12 @@ class Reconfigurator:
         self._held: Dict[object, Event] = {}  # in maintenance
         self._held_until = -inf
         self._namespace = namespace
-        self._dry_run = dry_run
-        self._restarts = restarts
         self._given = som
-        self._consumers: Dict[str, Tuple[str, ...]] = {}
         self.robot = robot = Robot(ontology, som, settings, namespace, host)
-        robot.health.consumers = self._consumers
+        robot.dry_run, robot.restarts = dry_run, restarts
         self.names = robot.names
         self._core = core = Core(robot)
-        robot.som = robot.planner.som = self._as_told(som)
+        robot.som = robot.planner.som = robot.as_told(som)
         self.services = core.services
         self._watched: Tuple[str, ...] = ()
         self._nodes, self._processes = nodes, _ = core.nodes, core.processes
@@ -185,18 +181,8 @@ class Reconfigurator:
         return self.robot.planner.errors(plan) if plan and plan.computes else ()
 
     def find(self, name: str) -> Service:
-        """Return the service of a name, a topic or a property; a needed one first.
-
-        A relative topic is one in our namespace. Raises ModelError if there is none.
-        """
-        som = self.robot.som
-        topic = full_name(name, self._namespace)
-        found = [som.services[name]] if name in som.services else list(som.of_topic(topic))
-        found += [source.service for source in som.of_property(name)]
-        if not found:
-            known = ", ".join(f"{each.name} ({each.topic})" for each in som)
-            raise ModelError(name, f"the SOM has no such service or topic; it has {known}")
-        return min(found, key=lambda service: not service.needed)
+        """Return the service of a name, a topic or a property. Raises ModelError."""
+        return self.robot.som.find(name, self._namespace)
 
     def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
         """Return what would be done if the node of a service failed. Raises ShsaError."""
@@ -206,50 +192,28 @@ class Reconfigurator:
 
     # Services come and go.
 
-    def _as_told(self, som: Som) -> Som:
-        """Return a SOM as it counts: what is needed, and what may be done about it."""
-        acts = self.acts(som)
-
-        def counts(service: Service) -> Service:
-            policy = service.policy if self._restarts else _without_restart(service)
-            policy = policy if acts else Policy.ADVISE
-            return replace(service, policy=policy, needed=self._needs(service))
-
-        return som.with_services(map(counts, som))
-
-    def _needs(self, service: Service) -> bool:
-        """Tell that a service is needed: as the SOM says, else while anybody hears it.
-
-        One that is being healed stays so: a consumer may be starting anew.
-        """
-        if service.needed is not None:
-            return service.needed
-        return self.incident(service.name) is not None or bool(self._consumers.get(service.heard))
-
     def _started(self, event: events.Started) -> List[Command]:
         """Begin; what is needed is known first: processes that stand by for it are taken up."""
-        heard = ((topic, self.names.consumers(nodes)) for topic, nodes in event.subscribers)
-        self._consumers.update(heard)
-        self.robot.som = self.robot.planner.som = self._as_told(self._given)
-        for service in self.robot.som:
+        robot = self.robot
+        for topic, nodes in event.subscribers:
+            robot.health.consumers[topic] = self.names.consumers(nodes)
+        robot.som = robot.planner.som = robot.as_told(self._given)
+        for service in robot.som:
             self._offer(service)
         return succession.started(self._core, event)
 
     def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
+        robot = self.robot
         for topic, nodes in event.subscribers:
-            self._consumers[topic] = self.names.consumers(nodes)
-            self._core.unsettle([service.name for service in self.robot.som.of_topic(topic)])
+            robot.health.consumers[topic] = self.names.consumers(nodes)
+            self._core.unsettle([service.name for service in robot.som.of_topic(topic)])
         commands: List[Command] = []
         for node, duties in event.duties:
-            self.robot.health.duties[node] = duties
+            robot.health.duties[node] = duties
             commands += self._core.ask_accusers(node, lambda each: each.replan())
-        if self.robot.som == self._as_told(self._given):
+        if robot.som == robot.as_told(self._given):
             return commands
         return commands + self._som_changed(events.SomChanged(event.time, self._given))
-
-    def acts(self, som: Som) -> bool:
-        """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
-        return som.act and not self._dry_run
 
     def _add(self, service: Service) -> None:
         self._core.add(service)
@@ -284,7 +248,7 @@ class Reconfigurator:
         if event.ontology is not None:
             robot.planner.load(event.ontology, robot.som)
         self._given = event.som
-        old, robot.som = robot.som, self._as_told(event.som)
+        old, robot.som = robot.som, robot.as_told(event.som)
         robot.planner.som = som = robot.som
         commands: List[Command] = []
         for before in old:
@@ -316,7 +280,7 @@ class Reconfigurator:
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
         self._over = True
-        ours = [each for each in self._nodes.restarted if each.with_us]
+        ours = [each for each in self.robot.restarted if each.with_us]
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
         self._processes.starts.waiting.clear()
@@ -377,8 +341,8 @@ class Reconfigurator:
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         """End a node that was started again with whoever started it first."""
-        ours = any(each.node == event.node for each in self._nodes.restarted)
-        self._nodes.forget_restarted(event.node)
+        ours = any(each.node == event.node for each in self.robot.restarted)
+        self.robot.records.set(f"restarted {event.node}", None)
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
@@ -392,8 +356,8 @@ class Reconfigurator:
         )
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
-        served = self._processes.served(event.node) if event.pulse is events.Pulse.HUNG else ()
-        commands = self._processes.tells(event.node, event.pulse)
+        served = self._processes.served(event.node) if not event.heard else ()
+        commands = self._processes.tells(event.node, event.heard)
         why = "its process gives no sign of life"
         return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
 
@@ -473,9 +437,3 @@ class Reconfigurator:
         for row in processes.wanted.rows.values():
             if row.publishing and self.services[row.service].state is State.WELL:
                 raise ShsaError(f"{row.node} publishes for {row.service}, which is well")
-
-
-def _without_restart(service: Service) -> Policy:
-    if not service.policy.restarts:
-        return service.policy
-    return Policy.SUBSTITUTE if service.policy.substitutes else Policy.ADVISE

@@ -9,17 +9,17 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, Optional, Sequence, Set, Tuple
+from typing import Dict, List, Optional, Sequence, Set
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.containment import Stakes, Verdict, decide
+from shsa_core.healing.containment import Stakes
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.identities import Identities
 from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome, Said
-from shsa_core.healing.records import Fate, NodeRecord, RestartedNode, Trust
+from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.log import Level
@@ -90,12 +90,12 @@ class Nodes:
         self.kills = Kills(robot)
         self.identities = Identities(robot.health)
         self._robot = robot
-        self._stakes = Stakes(robot)
+        self.stakes = Stakes(robot)
         self._settings = robot.settings
         self._health = robot.health
+        self.orphans: Set[str] = set()  # what was left behind
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
-        self._orphans: Set[str] = set()  # what was left behind
 
     @property
     def deadline(self) -> Optional[float]:
@@ -152,7 +152,7 @@ class Nodes:
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
-        verdict = self.verdict(service, node, accusation.kind, replaced, restarted)
+        verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
             accusation.decision = f"{node} is killed as soon as its substitute publishes"
@@ -175,16 +175,6 @@ class Nodes:
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
-
-    def verdict(
-        self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
-    ) -> Verdict:
-        """Decide about a node by all that is at stake."""
-        verdict = decide(self._stakes.case(service, node, kind, replaced, restarted))
-        if service.policy is not Policy.ADVISE:
-            return verdict
-        why = self._robot.waiting(service) or "healing advises"
-        return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
 
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
@@ -227,9 +217,9 @@ class Nodes:
         return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
     def _kill_again(self, node: str) -> List[Said]:
-        """Kill a node that is still accused, and has not returned, or was left behind."""
+        """Kill a node that is still accused, and has not returned, or that was left behind."""
         said: List[Said] = []
-        if node in self._orphans:
+        if node in self.orphans:  # a busy computer may not have found it at once
             said += self.kills.order(KillNode(node))
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
@@ -283,11 +273,11 @@ class Nodes:
             for topic in sorted(self._health.topics.get(node, ())):
                 if self._health.healthy((topic, node)):
                     commands += self.identities.came_up(node, topic)
-        self.forget_restarted(node)
+        self._robot.records.set(f"restarted {node}", None)
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)
             return commands
-        self._orphans.discard(node)
+        self.orphans.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.before.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
@@ -304,11 +294,6 @@ class Nodes:
         if case:
             trust = replace(case.trust, start_at=None, awaited_by=None, exhausted=True)
             self._trust(node, case, trust)
-
-    def end_orphan(self, node: str) -> List[Command]:
-        """End a substitute that was left behind; a busy computer may not find it at once."""
-        self._orphans.add(node)
-        return self.kills.order(KillNode(node))
 
     # The way back.
 
@@ -448,16 +433,6 @@ class Nodes:
         """Return how often a node was refused, if that is to be told: ever more seldom; else 0."""
         count = self._cases[node].refusals
         return 0 if count & (count - 1) else count  # 1, 2, 4, 8, ...
-
-    @property
-    def restarted(self) -> Tuple[RestartedNode, ...]:
-        """Return the nodes that were started again."""
-        rows = self._robot.records.rows.values()
-        return tuple(each for each in rows if isinstance(each, RestartedNode))
-
-    def forget_restarted(self, node: str) -> None:
-        """Note that a node that was started again is gone, or is ended."""
-        self._robot.records.set(f"restarted {node}", None)
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""

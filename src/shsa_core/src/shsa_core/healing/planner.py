@@ -108,14 +108,15 @@ def _samples(calibrations: Calibrated) -> int:
 class Indexes:
     """Services by what they read and wait for, kept up as they decide.
 
-    `stuck`: those that nothing can heal now, or not with all values. `kept`: those whose faulty
-    node is kept. `computed`: those that a substitute computes, or is to: without which node, and
-    which plans were tried in vain.
+    `healing`: those with an incident. `stuck`: those that nothing can heal now, or not with all
+    values. `kept`: those whose faulty node is kept. `computed`: those that a substitute computes,
+    or is to: without which node, and which plans were tried in vain.
     """
 
     def __init__(self) -> None:
         self.stuck: Dict[str, None] = {}
         self.kept: Dict[str, None] = {}
+        self.healing: Dict[str, None] = {}
         self.computed: Dict[str, Tuple[str, FrozenSet[Plan]]] = {}
         self.refused: Dict[str, str] = {}
         self._reads: Dict[str, Dict[str, None]] = {}
@@ -131,6 +132,7 @@ class Indexes:
         """Note how a service has decided, and what its substitute reads now."""
         self.stuck.pop(name, None)
         self.kept.pop(name, None)
+        self.healing.pop(name, None)
         self.computed.pop(name, None)
         sources = plan.inputs if plan else ()
         for read in self._reads.get(name, ()):
@@ -138,6 +140,8 @@ class Indexes:
         self._reads[name] = {each.service.name: None for each in sources}
         for read in self._reads[name]:
             self._readers.setdefault(read, set()).add(name)
+        if incident.state is not State.WELL:
+            self.healing[name] = None
         if incident.state in STUCK or (plan and plan.left_out):
             self.stuck[name] = None
         if incident.state is State.KEPT or incident.kept:
@@ -264,9 +268,8 @@ class Planner:
         if plan is None:
             outputs = self.signals(service.sources, written=True)
             return Substitution(inputs=(), code="", outputs=outputs, **more)
-        signals = {"inputs": self.inputs(plan), "outputs": self.outputs(plan)}
-        more.update(relations=plan.relations, quality=plan.quality)
-        return Substitution(code=plan.program.code, **signals, **more)
+        more.update(relations=plan.relations, quality=plan.quality, inputs=self.inputs(plan))
+        return Substitution(code=plan.program.code, outputs=self.outputs(plan), **more)
 
     def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan reads."""

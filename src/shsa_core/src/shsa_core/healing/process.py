@@ -9,7 +9,7 @@ from typing import Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.events import Command, Pulse, Log
+from shsa_core.healing.events import Command, Log
 from shsa_core.healing.placement import Place, Placement
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess
@@ -192,10 +192,10 @@ class Processes:
             self.leave(name, node)
         return served, []
 
-    def tells(self, node: str, pulse: Pulse) -> List[Command]:
+    def tells(self, node: str, heard: bool) -> List[Command]:
         """Note how a process does, and replace an idle one that hangs; services replace theirs."""
         idle = node in self.pool.processes
-        if pulse is Pulse.HEARD:
+        if heard:
             self.starts.over(node)
             self.pool.heard.update([node] if idle else [])
         elif idle:
@@ -252,7 +252,8 @@ class Processes:
         if idle.host:
             self._robot.elsewhere[idle.node] = idle.host
         self.pool.add(idle)
-        taken = [row.bridge for row in self.wanted.rows.values() if row.idle]
+        rows = (self.wanted.rows.get(node) for node in self.pool.processes)
+        taken = [row.bridge for row in rows if row is not None]
         turn = next(turn for turn in count(1) if turn * ANSWER_S not in taken)
         alone = 0.0 if idle.host else turn * ANSWER_S
         row = Substitution(idle.node, "", (), "", (), host=idle.host, bridge=alone)

@@ -7,7 +7,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
-from shsa_core.errors import NoSubstitute, ShsaError
+from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import Accusation
@@ -215,7 +215,7 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
-    text = f"{spec.topic}: found a substitute of {told(plan)}."
+    text = f"{spec.topic}: found a substitute of {plan.told}."
     at_hand = Place(substitute.host) if substitute.node else None
     where = (at_hand or service.processes.place(spec, plan)).words if robot.som.hosts else ""
     commands = substitute.use(spec, plan, publishes)
@@ -283,7 +283,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
     commands += wait(service, acts)
     could = f"It cannot be replaced: {none}"
     if plan is not None:
-        could = f"It could be replaced: {told(plan)}"
+        could = f"It could be replaced: {plan.told}"
     detail = f"{spec.topic}: {service.accusation.decision}. {could}."
     if incident.state is State.KEPT and incident.detail == detail:
         return commands
@@ -292,7 +292,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
         state=State.KEPT,
         killed=None if service.accusation.kept else incident.killed,
         detail=detail,
-        missing=none.missing if isinstance(none, NoSubstitute) else (),
+        missing=none.missing,
         substitute="",
         **carried_out(service, plan),
     )
@@ -305,10 +305,9 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
     commands += wait(service)
     plan = service.substitute.plan
     service.nodes.forgive(incident.faulty_node)  # one that keeps failing is better than none
-    missing = none.missing if isinstance(none, NoSubstitute) else ()
     state = State.SAFE if plan or spec.last_resort.command else State.UNHEALED
     before = (incident.state, incident.missing, incident.substitute, incident.decision)
-    if before == (state, missing, service.node, service.accusation.decision):
+    if before == (state, none.missing, service.node, service.accusation.decision):
         return commands
     text = f"{spec.topic} cannot be healed now: {none}."
     if plan:
@@ -319,7 +318,7 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
         first_message=None,
         last_good=ends_at(service),
         detail=text,
-        missing=missing,
+        missing=none.missing,
         substitute=service.node,
         **carried_out(service, plan),
     )
@@ -417,14 +416,6 @@ def pause(service: ServiceMachine) -> float:
     service.pauses += 1
     settings = service.robot.settings
     return doubled(settings.retry, service.pauses - 1, settings.retry_limit)
-
-
-def told(plan: Plan) -> str:
-    """Return a plan in words."""
-    using = ", ".join(plan.relations) or "the same property elsewhere"
-    inputs = ", ".join(plan.program.inputs) or "constants"
-    lacks = f"; {plan.lacks}" if plan.left_out else ""
-    return f"quality {plan.quality:.2g} by {using} from {inputs}{lacks}"
 
 
 _STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)

@@ -1,14 +1,14 @@
 """The rooms that the machines of the reconfigurator share: its knowledge of the robot."""
 from dataclasses import replace
 from math import inf
-from typing import Dict, Iterator, Optional
+from typing import Dict, Iterator, Optional, Tuple
 
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.naming import Names
 from shsa_core.healing.placement import Computers
 from shsa_core.healing.planner import Calibrations, Indexes, Planner
-from shsa_core.healing.records import Record
+from shsa_core.healing.records import Record, RestartedNode
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
 from shsa_core.model.ontology import Ontology
@@ -22,7 +22,8 @@ class Robot:
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
     those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
-    `ending`: the launch of the robot ends, and nothing is healed or started any more.
+    `ending`: the launch of the robot ends, and nothing is healed or started any more. `dry_run`:
+    nothing is killed or started; `restarts`: nodes may be started again.
     """
 
     def __init__(
@@ -32,7 +33,8 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
-        self.maintained = self.ending = False
+        self.maintained = self.ending = self.dry_run = False
+        self.restarts = True
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
@@ -43,6 +45,30 @@ class Robot:
         self.calibrations = Calibrations()
         rooms = self.health, self.availability, self.calibrations
         self.planner = Planner(ontology, som, settings, *rooms)
+
+    @property
+    def restarted(self) -> Tuple[RestartedNode, ...]:
+        """Return the nodes that were started again."""
+        return tuple(e for e in self.records.rows.values() if isinstance(e, RestartedNode))
+
+    def acts(self, som: Som) -> bool:
+        """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
+        return som.act and not self.dry_run
+
+    def as_told(self, som: Som) -> Som:
+        """Return a SOM as it counts: what is needed, and what may be done about it."""
+
+        def counts(service: Service) -> Service:
+            policy = service.policy if self.acts(som) else Policy.ADVISE
+            if policy.restarts and not self.restarts:
+                policy = Policy.SUBSTITUTE if policy.substitutes else Policy.ADVISE
+            needed = service.needed
+            if needed is None:  # what is healed stays so: a consumer may be starting anew
+                healing = service.name in self.indexes.healing
+                needed = healing or bool(self.health.consumers.get(service.heard))
+            return replace(service, policy=policy, needed=needed)
+
+        return som.with_services(map(counts, som))
 
     def spec(self, name: str) -> Optional[Service]:
         """Return a service as it counts now: nothing is done while it waits for its computer."""

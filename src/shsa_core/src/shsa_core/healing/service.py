@@ -260,7 +260,7 @@ class ServiceMachine:
         others = (each for each in nodes.accusers(node) if each != self.spec.name)
         if any(each in robot.indexes.stuck for each in others):
             return []  # it may bring a service that nothing else gives
-        if not nodes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
+        if not nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
             return []
         return nodes.refuse(node, self.spec.topic)
 

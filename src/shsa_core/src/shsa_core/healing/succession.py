@@ -10,6 +10,7 @@ from shsa_core.healing import events, hearing
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
+from shsa_core.healing.kill import KillNode
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
 from shsa_core.healing.planner import program_of
 from shsa_core.healing.records import (
@@ -41,7 +42,7 @@ def started(core: Core, event: events.Started) -> List[Command]:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
     commands = _take_up(core, event)
-    kept = {*core.processes.nodes, *(each.node for each in core.nodes.restarted)}
+    kept = {*core.processes.nodes, *(each.node for each in robot.restarted)}
     stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
     for node in event.running:
         if node not in kept | stopped:
@@ -57,7 +58,8 @@ def started(core: Core, event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands += core.nodes.end_orphan(node)
+        core.nodes.orphans.add(node)
+        commands += core.nodes.kills.order(KillNode(node))
     return commands
 
 

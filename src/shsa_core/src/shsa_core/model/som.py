@@ -2,6 +2,7 @@
 import dataclasses
 from typing import Collection, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
+from shsa_core.errors import ModelError
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service, Signal, Source
@@ -103,6 +104,19 @@ class Som:
         """Return a name in full: of a service, host or cause as it is, else of a topic or node."""
         known = name in self.hosts or any(name in (each.name, *each.shared) for each in self)
         return name if known else full_name(name, namespace)
+
+    def find(self, name: str, namespace: str) -> Service:
+        """Return the service of a name, a topic or a property; a needed one first.
+
+        A relative topic is one in the namespace. Raises ModelError if there is none.
+        """
+        found = [self.services[name]] if name in self.services else []
+        found += self.of_topic(full_name(name, namespace))
+        found += [source.service for source in self.of_property(name)]
+        if not found:
+            known = ", ".join(f"{each.name} ({each.topic})" for each in self)
+            raise ModelError(name, f"the SOM has no such service or topic; it has {known}")
+        return min(found, key=lambda service: not service.needed)
 
     def at(self, hosts: Collection[str], beside: bool = False) -> "Som":
         """Return the services whose topic is of one of some hosts, or of none of them: `beside`.

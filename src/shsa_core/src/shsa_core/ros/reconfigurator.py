@@ -231,7 +231,7 @@ class ReconfiguratorNode:
         self._stopped.set()
 
     def _may_act(self, som: Som) -> None:
-        self._master.acts = self._core.acts(som)
+        self._master.acts = self._core.robot.acts(som)
         if not som.act:
             rospy.logwarn("Healing only advises. It acts by `act: true` in %s.", self._files.som)
 

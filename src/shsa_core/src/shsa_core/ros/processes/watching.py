@@ -63,7 +63,7 @@ class Life:
         seen = self._seen.get(name)
         if seen is None or seen.sign.pid != sign.pid:
             seen = self._seen[name] = _Seen(sign)
-            self._tell(events.ProcessPulse(now, name, events.Pulse.HEARD))
+            self._tell(events.ProcessPulse(now, name, True))
         seen.clock.look(now, before + settings.TICK_S)
         if not self._at_work():
             seen.clock.stand(before, now)
@@ -76,7 +76,7 @@ class Life:
             late = seen.clock.has_passed(sign.time, self._patience)
             stopped = self._stopping_counts and kernel.stopped(sign.pid)
             if late or stopped or now - sign.time >= settings.STARVED_S:
-                self._tell(events.ProcessPulse(now, name, events.Pulse.HUNG))
+                self._tell(events.ProcessPulse(now, name, False))
                 self._signs.forget(name)
                 del self._seen[name]
 
@@ -118,7 +118,7 @@ class Companion:
         )
 
     def _change(self, event: events.ProcessPulse) -> None:
-        (self._hear if event.pulse is events.Pulse.HEARD else self._hangs)(event.node)
+        (self._hear if event.heard else self._hangs)(event.node)
 
     def _hear(self, name: str) -> None:
         sign = self._signs.of(name)
