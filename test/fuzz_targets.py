@@ -26,7 +26,7 @@ from shsa_core.errors import ModelError, ShsaError  # noqa: E402
 from shsa_core.files.ontology_file import load_ontology  # noqa: E402
 from shsa_core.files.parameters import read_settings  # noqa: E402
 from shsa_core.files.som_file import load_som, merge_parameters, som_parameters  # noqa: E402
-from shsa_core.healing.naming import Names  # noqa: E402
+from shsa_core.model.names import Names  # noqa: E402
 from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.journal.machines import MACHINES, machine_kind  # noqa: E402
 from shsa_learning.replay import Journal  # noqa: E402

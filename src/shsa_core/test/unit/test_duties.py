@@ -6,7 +6,7 @@ import pytest
 
 from core_robot import A, B, service
 from shsa_core.analysis.duties import duties_of
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.model.som import Som
 
 SOM = Som([service("a", A, needed=True, derived_from=("b",)), service("b", B)])

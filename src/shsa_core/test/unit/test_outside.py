@@ -19,7 +19,7 @@ from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, ShsaError
 from shsa_core.files.parameters import HIGHEST, names_of, read_settings
 from shsa_core.files.som_file import merge_parameters, som_parameters
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import REGISTRY, Checks, Formula
 from shsa_core.model.samples import ValueSample

@@ -4,7 +4,7 @@ from collections import defaultdict
 from typing import DefaultDict, Dict, FrozenSet, Iterable, Mapping, Set, Tuple
 
 from shsa_core.errors import listed
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 

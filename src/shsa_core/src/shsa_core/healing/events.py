@@ -10,7 +10,7 @@ from shsa_core.healing.records import Record
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Service, Signal
+from shsa_core.model.service import ServiceState, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
@@ -428,23 +428,6 @@ class ShowIncident(Act):
     """Publish a step of an incident."""
 
     incident: Incident
-
-
-@dataclass(frozen=True)
-class ServiceState:
-    """One row of the running SOM: who provides the service now, and whether it is available.
-
-    `healthy`: all originals that do well; `verified`: those of them whose process is known;
-    `consumers`: the nodes outside healing that subscribe to its topic.
-    """
-
-    service: Service
-    node: str
-    available: bool
-    detail: str
-    healthy: Tuple[str, ...] = ()
-    verified: Tuple[str, ...] = ()
-    consumers: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,12 @@ from collections import defaultdict
 from dataclasses import replace
 from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set, Tuple
 
-from shsa_core.healing.events import FailureSeen, HealthSeen, ServiceState, ShowSom, WriteDown
+from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
 from shsa_core.healing.settings import START_S, SAME_S
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
-from shsa_core.model.service import Service
+from shsa_core.model.service import Service, ServiceState
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.table import Table

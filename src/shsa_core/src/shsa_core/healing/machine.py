@@ -16,7 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events, hearing, succession
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen, Log
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import Incident, State, Trigger
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.process import standby
 from shsa_core.healing.records import Counters, RestartedNode
@@ -221,7 +221,7 @@ class Reconfigurator:
 
     def _remove(self, service: Service) -> List[Command]:
         name = service.name
-        commands = self._core.ask(name, lambda each: each.close(), service)
+        commands = self._core.ask(name, lambda each: each.fire(Trigger.WITHDRAWN), service)
         del self.services[name]
         self.robot.planner.plans.forget(name)
         self.robot.calibrations.forget(name)
@@ -265,7 +265,9 @@ class Reconfigurator:
                 self._core.unsettle([name], another=True)
                 self._offer(service)
                 close = not service.needed
-                commands += self._core.ask(name, lambda e: e.close() if close else e.replan())
+                commands += self._core.ask(
+                    name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
+                )
         commands += self._core.ask_all(robot.indexes.kept, lambda each: each.replan())
         if old.hosts or som.hosts:
             commands += hearing.rehost(self._core)
@@ -425,7 +427,9 @@ class Reconfigurator:
             if node:
                 owners[node] = name
             waits = state is State.HEALING and not machine.timers
-            if waits and not (robot.ending or self._nodes.busy(incident.faulty_node)):
+            faulty = incident.faulty_node
+            comes = self._nodes.awaited(faulty) or self._nodes.kills.under_way(faulty)
+            if waits and not (robot.ending or comes):
                 raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states.rows[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")

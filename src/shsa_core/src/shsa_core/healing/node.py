@@ -57,11 +57,6 @@ class Accusation:
         return self.kind not in QUIET and not silenced
 
     @property
-    def babbles(self) -> bool:
-        """Tell that it is kept although consumers hear what is wrong of it."""
-        return self.kept and self.heard
-
-    @property
     def silent(self) -> bool:
         """Tell that the node is silent, as one is whose computer is cut off."""
         return self.kind in MISSED
@@ -108,11 +103,6 @@ class Nodes:
         """Return the services that accuse a node."""
         case = self._cases.get(node)
         return [] if case is None else sorted(case.accusations)
-
-    def busy(self, node: str) -> bool:
-        """Tell that something more is to happen to a node."""
-        waits = self._returns.when(node) < math.inf
-        return waits or self.kills.under_way(node)
 
     # A node fails, and is judged.
 

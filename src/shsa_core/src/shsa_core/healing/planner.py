@@ -271,6 +271,22 @@ class Planner:
         more.update(relations=plan.relations, quality=plan.quality, inputs=self.inputs(plan))
         return Substitution(code=plan.program.code, outputs=self.outputs(plan), **more)
 
+    def shown(self, service: str, plan: Optional[Plan]) -> Dict[str, object]:
+        """Return what an incident shows of the plan that is carried out, or could be."""
+        program, computes = plan.program if plan else Program((), "", ()), plan and plan.computes
+        outputs = self.outputs(plan) if plan and computes else ()
+        return {
+            "unavailable": tuple(sorted(self._availability.unavailable - {service})),
+            "inputs": program.inputs if computes else (),
+            "code": program.code,
+            "outputs": program.outputs,
+            "relations": plan.relations if plan else (),
+            "gains": tuple([each.gain for each in outputs]),
+            "offsets": tuple([each.offset for each in outputs]),
+            "quality": plan.quality if plan and computes else None,
+            "errors": tuple([each.error for each in outputs]),
+        }
+
     def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what the program of a plan reads."""
         return self.signals(plan.inputs)

@@ -3,7 +3,7 @@
 docs/reference/ros.md shows this table.
 """
 from dataclasses import replace
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
@@ -18,9 +18,7 @@ from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitio
 from shsa_core.healing.settings import LONGEST_START_S
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
-from shsa_core.model.substitution import Program
 
-NOTHING = Program((), "", ())
 NOT_MISSED = ShsaError("nothing is missing")
 
 
@@ -65,7 +63,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
         commands += service.judge(accusation, search(service)[0])
-        if not accusation.babbles:  # it is killed, or silent
+        if not (accusation.kept and accusation.heard):  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
         commands += blame(service, node, failure.kind)
@@ -110,7 +108,7 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
         returned=None,
         detail=detail,
     )
-    if accusation.babbles or idle(service):
+    if idle(service):
         return commands + keep(service, plan, none)
     return commands if healed else commands + heal(service)
 
@@ -173,7 +171,7 @@ def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work, unless it follows that plan."""
     plan, none = search(service)
     commands = service.judge(service.accusation, plan)
-    if service.accusation.babbles or idle(service):
+    if idle(service):
         return commands + keep(service, plan, none)
     if not service.spec.policy.substitutes:
         return commands + wait_for_node(service)
@@ -202,9 +200,9 @@ def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
 
 
 def idle(service: ServiceMachine) -> bool:
-    """Tell that nothing is done: by its policy, or as a kept node is not to be replaced."""
-    policy, kept = service.spec.policy, service.accusation.fate is Fate.KEPT
-    return policy is Policy.ADVISE or (kept and not policy.substitutes)
+    """Tell that nothing is done: by its policy, or as a kept node is heard, or not replaced."""
+    policy, accused = service.spec.policy, service.accusation
+    return policy is Policy.ADVISE or (accused.kept and (accused.heard or not policy.substitutes))
 
 
 def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
@@ -235,7 +233,7 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,
-        **carried_out(service, plan),
+        **service.robot.planner.shown(service.spec.name, plan),
     )
 
 
@@ -245,24 +243,6 @@ def ends_at(service: ServiceMachine) -> Optional[float]:
     last = incident.last_good
     publishes = first is not None and (last is None or last < first)
     return service.robot.time if publishes and incident.state is State.HEALED else last
-
-
-def carried_out(service: ServiceMachine, plan: Optional[Plan]) -> Dict[str, object]:
-    """Return what an incident shows of the plan that is carried out, or could be."""
-    planner, unavailable = service.robot.planner, service.robot.availability.unavailable
-    program, computes = plan.program if plan else NOTHING, plan and plan.computes
-    outputs = planner.outputs(plan) if plan and computes else ()
-    return {
-        "unavailable": tuple(sorted(unavailable - {service.spec.name})),
-        "inputs": program.inputs if computes else (),
-        "code": program.code,
-        "outputs": program.outputs,
-        "relations": plan.relations if plan else (),
-        "gains": tuple([each.gain for each in outputs]),
-        "offsets": tuple([each.offset for each in outputs]),
-        "quality": plan.quality if plan and computes else None,
-        "errors": tuple([each.error for each in outputs]),
-    }
 
 
 def wait(service: ServiceMachine, acts: bool = True) -> List[Command]:
@@ -294,7 +274,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
         detail=detail,
         missing=none.missing,
         substitute="",
-        **carried_out(service, plan),
+        **service.robot.planner.shown(service.spec.name, plan),
     )
 
 
@@ -320,7 +300,7 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
         detail=text,
         missing=none.missing,
         substitute=service.node,
-        **carried_out(service, plan),
+        **service.robot.planner.shown(service.spec.name, plan),
     )
 
 
@@ -394,9 +374,12 @@ def end(service: ServiceMachine, _: Failure) -> List[Command]:
 
 
 def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
-    """End the incident: the service is healed no longer."""
-    why = f"{service.spec.name} is not in the SOM any more."
-    return [*service.substitute.drop(), *close(service, why)]
+    """Heal the service no longer."""
+    commands = service.substitute.drop()
+    service.timers.clear()
+    if service.state is State.WELL:
+        return commands
+    return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
 
 
 def close(service: ServiceMachine, why: str) -> List[Command]:
@@ -453,7 +436,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
     yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)
     yield returning, Trigger.STEADY, end, (well,)
-    for state in (healing, healed, returning, unhealed, safe, kept):
+    for state in (well, healing, healed, returning, unhealed, safe, kept):
         yield state, Trigger.WITHDRAWN, withdraw, (well,)
 
 

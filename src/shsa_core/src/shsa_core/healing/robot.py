@@ -5,7 +5,7 @@ from typing import Dict, Iterator, Optional, Tuple
 
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.healing.placement import Computers
 from shsa_core.healing.planner import Calibrations, Indexes, Planner
 from shsa_core.healing.records import Record, RestartedNode

@@ -350,13 +350,6 @@ class ServiceMachine:
                 commands += self.fire(trigger)
         return commands
 
-    def close(self) -> List[Command]:
-        """Heal the service no longer."""
-        if self.state is not State.WELL:
-            return self.fire(Trigger.WITHDRAWN)
-        self.timers.clear()
-        return self.substitute.drop()
-
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)

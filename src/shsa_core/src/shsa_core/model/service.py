@@ -305,3 +305,20 @@ def is_within(inner: Optional[Tuple[float, float]], outer: Optional[Tuple[float,
 def signal_path(topic: str, field: str) -> str:
     """Return topic and field as one of the three strings has them, and `rostopic echo`."""
     return topic + "/" + to_path(field)
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """One row of the running SOM: who provides the service now, and whether it is available.
+
+    `healthy`: all originals that do well; `verified`: those of them whose process is known;
+    `consumers`: the nodes outside healing that subscribe to its topic.
+    """
+
+    service: Service
+    node: str
+    available: bool
+    detail: str
+    healthy: Tuple[str, ...] = ()
+    verified: Tuple[str, ...] = ()
+    consumers: Tuple[str, ...] = ()

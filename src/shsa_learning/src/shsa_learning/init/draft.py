@@ -12,7 +12,7 @@ from shsa_core.errors import ModelError
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.som_file import read_tree
 from shsa_core.analysis.duties import Pairs, duties_of, is_command
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.model.field import ANGLES, is_distance, parse_field
 from shsa_core.model.field_type import WHOLE
 from shsa_core.model.som import Som

@@ -3,7 +3,7 @@ import re
 from dataclasses import dataclass
 from typing import Dict, Mapping, NamedTuple, Optional, Tuple
 
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_learning.init.contents import LeftOut, Number
 from shsa_learning.init.spread import Rhythm, RhythmTally, Spread, SpreadTally
 

@@ -18,7 +18,7 @@ import psutil
 from shsa_core import message_types
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.regular import open_to_read
-from shsa_core.healing.naming import PREFIX
+from shsa_core.model.names import PREFIX
 from shsa_core.model.field import FieldText, parse_field
 from shsa_core.model.field_type import field_type
 from shsa_core.model.field_value import field_value

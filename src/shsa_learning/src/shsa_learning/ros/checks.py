@@ -4,7 +4,7 @@ from typing import Iterator
 from shsa_core.analysis.finding import Finding
 from shsa_core.errors import listed
 from shsa_core.analysis.duties import Pairs, duties_of, is_command, read_by
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.model.som import Som
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.master.registrations import read_pairs

@@ -16,7 +16,7 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.healing.naming import Names
+from shsa_core.model.names import Names
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api

@@ -11,7 +11,7 @@ import genpy
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
-from shsa_core.healing.naming import NUMBERED
+from shsa_core.model.names import NUMBERED
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import OnPartition, Others, Word
 from shsa_core.model.service import Signal
@@ -28,7 +28,7 @@ W = TypeVar("W", bound=Word)
 def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
     """Return which rows concern a subscriber; None: all, as it is not named as a substitute is.
 
-    Substitutes, named with `prefix` by healing/naming, are told their own row, and an idle one the
+    Substitutes, named with `prefix` by model/names, are told their own row, and an idle one the
     rows of the plans too, which name no node.
     """
 
