@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 from typing import Callable, Dict, List, Sequence, Tuple
 
-import roslib.packages
+import rospkg
 from tqdm import tqdm
 
 from contenders import WAITED_S, ByHand, Contender, Healed, Respawned, repeat
@@ -190,7 +190,7 @@ def wanted(only: Sequence[str], short: bool) -> List[Row]:
         for key in row.unknown:
             print(f"Left out: {row.name}. The SOM of this version does not know `{key}`.")
     known = [row for row in rows if not row.unknown]
-    if not roslib.packages.find_node("rosmon_core", "rosmon"):
+    if Row(ROSMON) in known and "rosmon_core" not in rospkg.RosPack().list():
         print(f"Left out: {ROSMON}. There is no rosmon on ROS_PACKAGE_PATH.")
         known = [row for row in known if row.help != ROSMON]
     return sorted(known, key=lambda row: row.applications)
