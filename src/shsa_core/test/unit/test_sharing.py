@@ -269,7 +269,7 @@ def looks(process: Process) -> List[events.LookAtOthers]:
     """The looks that are awaited."""
     cores = process.core._cores.values()
     return [
-        each._speech.others._awaited for each in cores if each._speech.others._awaited is not None
+        each._others._awaited for each in cores if each._others._awaited is not None
     ]
 
 

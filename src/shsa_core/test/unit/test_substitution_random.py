@@ -214,7 +214,7 @@ class AnySubstitute(RuleBasedStateMachine):
         """Somebody else publishes."""
         told = self.told
         rival = told.yields or (self.cut and told.on_partition is OnPartition.HEAL)
-        if rival and topic == self.core._speech.others.topic and topic in told.topics:
+        if rival and topic == self.core._others.topic and topic in told.topics:
             self.heard_at = self.now
         self.spoke, self.went, self.last = self.now, False, None
         self.hear(events.OtherHeard(self.now, topic, "/node"))
@@ -256,7 +256,7 @@ class AnySubstitute(RuleBasedStateMachine):
 
     def leave(self, topic: str, node: str = "/node") -> None:
         """The node of somebody else is gone."""
-        self.went = self.went or (topic, node) == (self.core._speech.others.topic, "/node")
+        self.went = self.went or (topic, node) == (self.core._others.topic, "/node")
         self.last = None
         self.hear(events.OtherGone(self.now, topic, node))
 

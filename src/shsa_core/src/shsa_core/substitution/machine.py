@@ -12,10 +12,11 @@ from shsa_core.substitution import events
 from shsa_core.substitution.advertising import Advertising
 from shsa_core.substitution.alone import Alone
 from shsa_core.substitution.events import Command, Event, LastMessage, Log
-from shsa_core.substitution.readings import Readings
+from shsa_core.substitution.handover import Handover
 from shsa_core.substitution.job import Job, Stamps, Words, words
-from shsa_core.substitution.speech import Speech
-from shsa_core.substitution.voice import Heard, Voice
+from shsa_core.substitution.others import OtherPublishers
+from shsa_core.substitution.readings import Readings
+from shsa_core.substitution.voice import Heard, Order, Original, Voice, decide
 
 
 class Substitute:
@@ -33,7 +34,9 @@ class Substitute:
         self._readings = Readings()
         self._stamps = Stamps()
         self._advertising = Advertising()
-        self._speech = Speech(self._sources)
+        self._voice, self._spoken = Voice.MUTED, ""  # and the topic on which it spoke last
+        self._handover = Handover()
+        self._others = others = OtherPublishers(self._sources)
         self._alone = Alone()
         self._overheard: Set[str] = set()
         self._composed: Optional[events.Compose] = None
@@ -42,7 +45,6 @@ class Substitute:
         self._unusable: Dict[Signal, str] = {}
         self._wanted = math.inf  # when it wanted to wake
         self._said: List[Command] = []
-        others = self._speech.others
         self._handlers: Table[Optional[List[Command]]] = table(
             Event,
             {
@@ -53,7 +55,7 @@ class Substitute:
                 events.InputArrived: self._input_arrived,
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
                 events.ConsumerJoined: self._consumer_joined,
-                events.OriginalServes: self._speech.handover.answer,
+                events.OriginalServes: self._handover.answer,
                 events.OtherHeard: self._other_heard,
                 events.OtherGone: self._other_gone,
                 events.OthersStand: others.answer,
@@ -70,14 +72,14 @@ class Substitute:
         What has become due meanwhile is among them, messages first.
         """
         self._now = now = max(self._now, event.time)
-        self._speech.others.pass_time(now, self._wanted)
+        self._others.pass_time(now, self._wanted)
         commands = self._handlers[type(event)](event) or []
         commands += self._speak()
         commands += self._publish()
-        commands += self._speech.handover.due(now)
+        commands += self._handover.due(now)
         commands += self._advertising.due(now)
         commands += self._alone.due(now)
-        commands += [] if self._speech.hands_over(now) else self._speech.others.due(now)
+        commands += [] if self._hands_over else self._others.due(now)
         self._said, self._wanted = commands, self.next_deadline
         return commands
 
@@ -86,10 +88,9 @@ class Substitute:
         """Return when the next Tick is wanted; inf: not before another event."""
         due = self.reads_at if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
-        speech = self._speech
-        others = speech.others.next(self._now, not speech.hands_over(self._now))
+        others = self._others.next(self._now, not self._hands_over)
         alone = self._alone.look
-        return min(due, speech.handover.next(), self._advertising.next(), others, alone)
+        return min(due, self._handover.next(), self._advertising.next(), others, alone)
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -99,7 +100,7 @@ class Substitute:
     @property
     def publishing(self) -> bool:
         """Return if all consumers are its own."""
-        return self._speech.voice.publishes
+        return self._voice.publishes
 
     @property
     def hurries(self) -> bool:
@@ -108,7 +109,7 @@ class Substitute:
         Else it may be told later, and of each input the newest alone.
         """
         job = self._job
-        waits = self._speech.others.heals or self._speech.voice is not Voice.MUTED
+        waits = self._others.heals or self._voice is not Voice.MUTED
         return job is not None and (waits or job.period is None)
 
     @property
@@ -118,10 +119,10 @@ class Substitute:
 
     def validate(self) -> None:
         """Raises ShsaError if what must always hold after an event does not."""
-        job, now, handover = self._job, self._now, self._speech.handover
+        job, now, handover = self._job, self._now, self._handover
         published = [each for each in self._said if isinstance(each, events.Publish)]
         looked = any(isinstance(each, events.LookAtOriginal) for each in self._said)
-        muted = self._speech.voice is Voice.MUTED
+        muted = self._voice is Voice.MUTED
         stamp = 0 if job is None else self._stamps.latest(job.topic)
         held = {
             "muted, it publishes nothing": not (published and muted),
@@ -166,7 +167,7 @@ class Substitute:
 
         Whoever made the table may have started anew, and learns of us later.
         """
-        self._speech.others.forget()
+        self._others.forget()
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
     def _left_alone(self, _: events.LeftAlone) -> List[Command]:
@@ -175,7 +176,7 @@ class Substitute:
         return [events.GiveUp(events.LEFT_ALONE)] if stands_by and not self.publishing else []
 
     def _follow(self, row: Substitution, last: Optional[LastMessage]) -> List[Command]:
-        publishes, others = self.publishing, self._speech.others
+        publishes, others = self.publishing, self._others
         computed = publishes and self.row.quality > 0.0
         another_message = row.last_message != self.row.last_message
         self.row = row
@@ -186,7 +187,7 @@ class Substitute:
         if others.topic not in self._overheard | {""}:
             self._overheard.add(others.topic)
             commands.append(events.Overhear(others.topic, self._types[others.topic]))
-        self._speech.update(self._now, row, job, by_row=True)
+        self._take_up_voice(by_row=True)
         if last is not None and job is not None:
             if another_message or not publishes or job.unstarted:
                 job.start(last.values)
@@ -221,7 +222,7 @@ class Substitute:
         job, row = self._job, self.row
         if job is None or self._refused is not None:
             return []
-        overheard = self._speech.voice is Voice.FILLS_IN
+        overheard = self._voice is Voice.FILLS_IN
         message = row.template if last is None else row.last_message
         compose = events.Compose(
             job.topic, job.outputs[0].type, job.written, row.others, message, overheard
@@ -286,35 +287,76 @@ class Substitute:
 
     def _speak(self) -> List[Command]:
         """Take up the voice that is right now: who fills in starts from what was heard last."""
-        idle, others = self._alone.idle, self._speech.others
+        idle, others = self._alone.idle, self._others
         if idle is not None and self._job is not None and others.heard is Heard.RIVAL:
             if self._alone.leaves(others.last.publisher):
                 self._alone.idle = None
                 return self._follow(idle, None)
-        fills_in = self._speech.update(self._now, self.row, self._job)
+        fills_in = self._take_up_voice()
         if not fills_in or self._composed is None:
             return []
         self._stamps.begin(self._composed.topic, others.last.stamp)
         self._composed = replace(self._composed, overheard=True)
         return [self._composed]
 
+    def _take_up_voice(self, by_row: bool = False) -> bool:
+        """Take up the voice that the table gives; return if it begins to fill in.
+
+        `by_row`: the row has changed, which names the original. What a substitute begins or ends
+        by itself it does for nobody who could be asked whom it serves.
+        """
+        now, job, before = self._now, self._job, self._voice
+        topic = "" if job is None else job.topic
+        self._voice = after = self._decide(topic)
+        begins = after.publishes and not before.publishes
+        ends = before.publishes and not after.publishes
+        if by_row or begins or ends:
+            stays = topic == self._spoken and topic in self.row.topics
+            original = self.row.original if by_row else ""
+            if begins or not (stays and original == self._handover.original):
+                named = after.publishes or (ends and stays)
+                period = None if job is None else job.period
+                self._handover.stand_in(topic, original if named else "", period, now)
+            if ends:
+                self._handover.mute(now)
+            self._voice = self._decide(topic)  # it may hand over now
+        if begins and job is not None:
+            job.schedule.begin(now)
+        self._spoken = topic
+        return after is Voice.FILLS_IN and before is not Voice.FILLS_IN
+
+    def _decide(self, topic: str) -> Voice:
+        """Return the voice on the topic of the program, by what the row says of it."""
+        row, others = self.row, self._others
+        original = Original.BACK if self._hands_over else others.original
+        order = Order.BRIDGE if others.bridge else Order.MUTE
+        order = Order.PUBLISH if row.publishing else order
+        order = Order.ALWAYS if row.gated else order
+        order = order if topic in row.topics else Order.NOTHING
+        return decide(order, others.heard, others.cut_off, original)
+
+    @property
+    def _hands_over(self) -> bool:
+        """Return if it is muted, and serves whom its original does not serve yet."""
+        return self._handover.under_way(self._now)
+
     def _sources(self) -> Tuple[str, ...]:
         return () if self._job is None else self._readings.sources(self._job.inputs)
 
     def _other_heard(self, event: events.OtherHeard) -> None:
         self._alone.hear(event)
-        self._speech.others.hear(event)
+        self._others.hear(event)
 
     def _other_gone(self, event: events.OtherGone) -> None:
-        if not self._speech.hands_over(self._now):
-            self._speech.others.gone(event)
+        if not self._hands_over:
+            self._others.gone(event)
 
     # What it publishes.
 
     def _input_arrived(self, event: events.InputArrived) -> None:
         self._stamps.clock(event.time, event.ros_time)
         self._readings.take(event)
-        self._speech.others.compare()
+        self._others.compare()
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
@@ -332,7 +374,7 @@ class Substitute:
         job, values = self._job, self._values()
         commands: List[Command] = []
         if job is None or values is None:
-            self._speech.handover.release(self._now)
+            self._handover.release(self._now)
             return []
         goes = False
         if self._now >= self.reads_at:
@@ -341,21 +383,21 @@ class Substitute:
             elif self._may_publish(job):
                 if not self.row.gated or self.row.publishing:
                     commands += job.complain()
-                goes = not job.unstarted and not self._speech.handover.hold(self._now)
-        if self._speech.handover.release(self._now):
+                goes = not job.unstarted and not self._handover.hold(self._now)
+        if self._handover.release(self._now):
             goes = self._may_publish(job) and not job.unstarted
         return commands + ([self._message(job)] if goes else [])
 
     def _may_publish(self, job: Job) -> bool:
         ready = job.latest is not None and self._advertising.ready(job.topic)
-        return ready and self._speech.voice is not Voice.MUTED
+        return ready and self._voice is not Voice.MUTED
 
     def _message(self, job: Job, only: str = "") -> events.Publish:
         """Return a message for all whom the original does not serve, or for one consumer."""
         assert job.latest is not None
         oldest = self._readings.oldest(job.inputs)
         stamp = self._stamps.of(job.topic, oldest, self._now)
-        served = frozenset() if only else self._speech.handover.served
+        served = frozenset() if only else self._handover.served
         return events.Publish(job.outputs, job.latest, served, only, stamp)
 
     def _consumer_joined(self, event: events.ConsumerJoined) -> List[Command]:
@@ -363,7 +405,7 @@ class Substitute:
         job = self._job
         if job is None or event.topic != job.topic or self._values() is None:
             return []
-        hears_another = not self.publishing or event.consumer in self._speech.handover.served
+        hears_another = not self.publishing or event.consumer in self._handover.served
         if hears_another or not self._may_publish(job) or job.unstarted:
             return []
         return [self._message(job, event.consumer)]
