@@ -354,6 +354,16 @@ def test_safe_values_whose_process_dies_are_published_again() -> None:
     assert last_incident(commands).substitute == second != first
 
 
+def test_safe_values_yield_to_an_original_that_may_speak_again() -> None:
+    robot = nothing_left(LastResort(values=(("a", 1.0),)))
+    robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s.", 9.8)
+    (row,) = robot.working()
+    assert row.publishing and row.yields
+    robot.failure("/a", row.node, 12.0, "silent", "no message for 0.25 s.", 11.8)
+    incident = robot.core.incident("a")
+    assert incident is not None and incident.state is State.SAFE and robot.working() == [row]
+
+
 def test_the_original_takes_safe_values_over() -> None:
     robot = nothing_left(LastResort(values=(("a", 1.0),)))
     node = only(robot.fail("/a", A, 10.0), events.StartSubstitute).node

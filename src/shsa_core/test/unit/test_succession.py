@@ -299,3 +299,10 @@ def test_records_of_another_robot_are_not_taken_up() -> None:
     assert of_this_robot(records, False, (node,)) == records
     assert of_this_robot(records, True, ()) == records
     assert Healthy("/b", B, 0.0) in records
+
+
+def test_who_is_said_to_have_failed_is_not_written_down_as_healthy() -> None:
+    robot = Robot()
+    assert f"healthy /b {B}" in robot.written
+    robot.failure("/b", B, 10.0, "out_of_range", "it is said.", 9.9)
+    assert f"healthy /b {B}" not in robot.written

@@ -183,19 +183,18 @@ class ServiceMachine:
             self.last_message, self._message_came = event.last_message, good
 
     def _own_failed(self, event: FailureSeen) -> List[Command]:
-        """Heal after our substitute failed, or fell silent while it changes its program."""
+        """Heal after our substitute failed, or fell silent where it may."""
         if event.kind is Kind.NO_VALUE:
             follows = self.substitute.computes and self.state in (State.WELL, *SUBSTITUTED)
             return self.fire(Trigger.NO_VALUE) if follows else []
-        changing = event.kind is Kind.SILENT
-        changing = changing and self.robot.time < self.substitute.changed + CHANGEOVER_S
-        if changing and self.state not in SUBSTITUTED:
+        changes = self.robot.time < self.substitute.changed + CHANGEOVER_S
+        # It yields: the original is heard again, or may be.
+        may_be_silent = event.kind is Kind.SILENT and (changes or self.yields)
+        if may_be_silent and self.state not in SUBSTITUTED:
             return []
-        if event.kind is Kind.SILENT and self.yields:
-            changing = True  # the original is heard again, or may be
         if self.state is not State.WELL and event.last_good is not None:
             self.incident = replace(self.incident, last_good=event.last_good)
-        if changing:
+        if may_be_silent:
             return self.fire(Trigger.SILENT, event) + self._notice_first_message()
         slow = event.kind is Kind.RATE_LOW and self.state is State.HEALED
         if slow and self.substitute.another(self.spec, self.incident.faulty_node) is None:
