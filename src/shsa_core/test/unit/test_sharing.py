@@ -268,9 +268,7 @@ def test_one_bridges_while_the_others_are_muted() -> None:
 def looks(process: Process) -> List[events.LookAtOthers]:
     """The looks that are awaited."""
     cores = process.core._cores.values()
-    return [
-        each._others._awaited for each in cores if each._others._awaited is not None
-    ]
+    return [each._others._awaited for each in cores if each._others._awaited is not None]
 
 
 def only_of(said: List[Any], kind: Any) -> Any:

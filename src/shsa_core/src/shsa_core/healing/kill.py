@@ -41,12 +41,12 @@ class KillNode:
 class Outcome(Word):
     """The end of a kill."""
 
-    GONE = "is gone"
-    SPARED = "still runs, and was only to be cleared if it is dead"
-    UNSURE = "may still be running"  # it could not be reached to make sure
-    ANOTHER = "is left alone"  # it is not the one that failed
-    UNREACHED = "may still run"  # its computer was lost
-    WELL = "is not killed"  # it may do well, as its own computer tells
+    GONE = "it is gone for certain"
+    UNSURE = "it could not be reached to make sure"
+    SPARED = "it was to be cleared if it is dead, and may still run"
+    ANOTHER = "it is not the one that failed, and is not touched"
+    UNREACHED = "its computer was lost"
+    WELL = "it may do well, as its own computer tells"
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,6 @@ class KillOver:
     detail: str = ""
     cause: str = ""
     starter: str = ""
-
-    @property
-    def told(self) -> str:
-        """Return what became of the node."""
-        why = f"{self.detail}, {self.cause}" if self.cause else self.detail
-        return f"{self.node} {self.outcome}: {why}"
 
 
 KillEvent = Union[NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable]

@@ -5,6 +5,7 @@ into the triggers of that table.
 """
 import math
 from collections import deque
+from contextlib import suppress
 from dataclasses import replace
 from typing import Callable, Deque, Dict, FrozenSet, List, Mapping, Optional, Tuple
 
@@ -24,8 +25,6 @@ from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
-PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)
-STORY_LENGTH = 20
 
 Failure = Optional[FailureSeen]
 Action = Callable[["ServiceMachine", Failure], List[Command]]
@@ -66,7 +65,7 @@ class ServiceMachine:
         self.lacks_room = False
         self.last_message = b""
         self._message_came = -math.inf
-        self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=STORY_LENGTH)
+        self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
 
     @property
     def state(self) -> State:
@@ -81,7 +80,7 @@ class ServiceMachine:
     @property
     def publishes(self) -> bool:
         """Tell that the substitute publishes: the node is gone, and the original is not back."""
-        return self.state in PUBLISHED and not self.accusation.heard
+        return self.state in (*SUBSTITUTED, State.SAFE) and not self.accusation.heard
 
     @property
     def yields(self) -> bool:
@@ -188,7 +187,6 @@ class ServiceMachine:
             follows = self.substitute.computes and self.state in (State.WELL, *SUBSTITUTED)
             return self.fire(Trigger.NO_VALUE) if follows else []
         changes = self.robot.time < self.substitute.changed + CHANGEOVER_S
-        # It yields: the original is heard again, or may be.
         may_be_silent = event.kind is Kind.SILENT and (changes or self.yields)
         if may_be_silent and self.state not in SUBSTITUTED:
             return []
@@ -212,8 +210,16 @@ class ServiceMachine:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:
             return self.step()
+        node, text = kill.node, self.accusation.decision
+        if kill.outcome is Outcome.UNREACHED:
+            text = f"{node} may still run: {kill.detail}"
+        elif kill.outcome is Outcome.UNSURE:
+            text = f"{node} may still be running: {kill.detail}"
+        elif kill.outcome is Outcome.ANOTHER:
+            text = f"{node} is left alone: {kill.detail}"
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
-        said = Log(Level.ERROR if over else Level.WARN, f"{self.incident.topic}: {kill.told}.")
+        said = Log(Level.WARN, f"{self.incident.topic}: {text}.")
+        said = replace(said, level=Level.ERROR) if over else said
         commands: List[Command] = [said, *self.step(detail=said.text)]
         return commands + self.replan() + self.changed() if over else commands
 
@@ -294,21 +300,18 @@ class ServiceMachine:
             return []
         lost = robot.computers.lost(substitute.host)
         heard = robot.health.healthy((self.spec.topic, self.node)) and not self.spec.event_driven
-        if lost and not (heard and self.publishes):
-            return self._move(f"{self.node} cannot be reached: {substitute.host} is lost: {lost}")
         if lost:
-            return []
+            text = f"{self.node} cannot be reached: {substitute.host} is lost: {lost}"
+            return [] if heard and self.publishes else self._move(text)
         if not self.processes.placement.allowed(self.spec, substitute.host):
             return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
-        if self.state is not State.WELL:
+        host = substitute.host
+        if self.state is State.WELL:
+            with suppress(ShsaError):  # it has a place
+                host = self.processes.place(self.spec, substitute.plan).host
+        if host == substitute.host:
             return []
-        try:
-            place = self.processes.place(self.spec, substitute.plan)
-        except ShsaError:
-            return []  # it has a place
-        if place.host == substitute.host:
-            return []
-        return self._move(f"{self.node} moves to {place.host or 'our own computer'}")
+        return self._move(f"{self.node} moves to {host or 'our own computer'}")
 
     def _move(self, why: str) -> List[Command]:
         """Set another process to work, on another computer."""
