@@ -7,11 +7,11 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 33203, "healing": 5965, "monitoring": 4182, "ros": 11085}
+LINES = {"": 32932, "healing": 5496, "monitoring": 4182, "ros": 11085}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
-FILES = {"healing": 25}
+FILES = {"healing": 22}
 CONSTANTS = 79
 """Constants of time in the cores and shells; 50 are wanted."""
 CONSTANT = re.compile(r"^_?[A-Z_]+_S\b.* = ", re.MULTILINE)
