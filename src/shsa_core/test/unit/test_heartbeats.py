@@ -82,26 +82,26 @@ def test_only_its_hearer_can_answer_a_heartbeat_also_after_that_began_anew(role:
 def test_who_is_stopped_hangs_and_another_is_heard(
     role: str, beating: "subprocess.Popen[bytes]"
 ) -> None:
-    told: List[str] = []
+    told: List[bool] = []
     signs = Signs(role)
     Life(
         signs,
         lambda name: name.startswith("/substitute_"),
-        lambda event: told.append(event.pulse.value),
+        lambda event: told.append(event.heard),
         patience=300,
     )
-    wait_until(lambda: told == ["heard"], 10.0, "its first heartbeat is told")
+    wait_until(lambda: told == [True], 10.0, "its first heartbeat is told")
     beating.send_signal(signal.SIGSTOP)
-    wait_until(lambda: told[1:] == ["hung"], 10.0, "it hangs")
+    wait_until(lambda: told[1:] == [False], 10.0, "it hangs")
     beating.send_signal(signal.SIGCONT)
-    wait_until(lambda: told[2:] == ["heard"], 10.0, "it is heard")
+    wait_until(lambda: told[2:] == [True], 10.0, "it is heard")
 
 
 def test_who_is_slow_to_give_a_sign_lives(role: str) -> None:
     """As one of low priority on a busy computer."""
-    told: List[str] = []
+    told: List[bool] = []
     signs = Signs(role)
-    Life(signs, lambda name: True, lambda event: told.append(event.pulse.value), patience=30)
+    Life(signs, lambda name: True, lambda event: told.append(event.heard), patience=30)
     slow = BEAT.replace("0.02", "1.0")
     process = subprocess.Popen([sys.executable, "-c", slow, role])
     heard: Set[Optional[Sign]] = set()
@@ -115,7 +115,7 @@ def test_who_is_slow_to_give_a_sign_lives(role: str) -> None:
     finally:
         process.kill()
         process.wait()
-    assert told == ["heard"]
+    assert told == [True]
 
 
 STARVES = """
@@ -136,17 +136,17 @@ def test_who_waits_for_the_processor_does_not_hang_before_long(
 ) -> None:
     """Five threads share a core, so that there is always one that waits for it."""
     monkeypatch.setattr(settings, "STARVED_S", 4.0)
-    told: List[Tuple[str, float]] = []
-    tell = lambda event: told.append((event.pulse.value, time.monotonic()))
+    told: List[Tuple[bool, float]] = []
+    tell = lambda event: told.append((event.heard, time.monotonic()))
     Life(Signs(role), lambda name: True, tell, 6)
     process = subprocess.Popen([sys.executable, "-c", STARVES, role])
     try:
-        hung = lambda: told and told[-1][0] == "hung"
+        hung = lambda: told and told[-1][0] is False
         wait_until(hung, 30.0, "it counts as one that hangs")
     finally:
         process.kill()
         process.wait()
-    assert told[0][0] == "heard" and told[-1][1] - told[0][1] > 3.0
+    assert told[0][0] is True and told[-1][1] - told[0][1] > 3.0
 
 
 def test_who_is_heard_by_nobody_knows_it(role: str) -> None:
