@@ -306,3 +306,19 @@ def test_who_is_said_to_have_failed_is_not_written_down_as_healthy() -> None:
     assert f"healthy /b {B}" in robot.written
     robot.failure("/b", B, 10.0, "out_of_range", "it is said.", 9.9)
     assert f"healthy /b {B}" not in robot.written
+
+
+def test_a_hot_substitute_stands_by_on_after_a_death_as_its_incident_ended() -> None:
+    robot = Robot(Som([service("a", A, needed=True, standby=Standby.HOT), *list(SOM)[1:]]))
+    (node,) = robot.core.substitutes
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    robot.row("/a", node, "healthy", 10.2, first=10.2)
+    robot.row("/a", A, "healthy", 12.0)
+    robot.table(12.0)
+    assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
+    commands = succeed(robot, 15.1, (node,))
+    assert last_incident(commands).state is State.ENDED
+    assert not has(commands, events.StopSubstitute) and [row.node for row in robot.working()] == [
+        node
+    ]

@@ -141,10 +141,12 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
     spec, robot, substitute = service.spec, service.robot, service.substitute
     incident, row = record.incident, record.substitution
     shown: List[Command] = [] if incident is None else [ShowIncident(incident)]
-    if incident is not None and incident.state is State.ENDED:
-        return shown  # it may not have been written to the log
-    if incident is not None and incident.topic != spec.topic:
-        return []
+    ended = incident is not None and incident.state is State.ENDED
+    if record.topic != spec.topic:  # the SOM has moved it
+        left = [] if row is None else service.processes.leave(spec.name, row.node)
+        return [*shown, *left] if ended else left
+    if ended:
+        incident = None  # it is shown: it may not have been written to the log
     if incident is not None:
         service.incident = incident
         service.accusation = accused = service.nodes.accuse(spec, incident.faulty_node, record.kind)
