@@ -4,6 +4,7 @@ import subprocess
 from typing import Any, List
 
 import psutil
+from roslib.packages import find_node
 
 
 def running(process: psutil.Process) -> bool:
@@ -27,8 +28,8 @@ def marked(name: str, value: str) -> List[psutil.Process]:
 
 
 def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[bytes]":
-    """Start a node as a person would; it ends with this process."""
-    process = subprocess.Popen(["rosrun", package, executable, *arguments])
+    """Start a node as rosrun does; it ends with this process."""
+    process = subprocess.Popen([find_node(package, executable)[0], *arguments])
     atexit.register(end_process, process)
     return process
 
