@@ -21,7 +21,7 @@ COMPUTING = (
     *("test_search", "test_endurance", "test_checked_code", "test_faults", "test_resilience"),
 )
 """Files that compute for long, and in which nothing waits with a deadline."""
-WAITS = re.compile("wait_until|timeout|monotonic|sleep|Thread|socket")
+WAITS = re.compile("wait_until|timeout|monotonic|sleep|Thread|socket|chromium")
 """A word of it is in each other file in which something may wait with a deadline."""
 ROBOTS = (
     *("test_tutorials", "test_three_computers", "test_master", "test_live_page", "test_install"),
