@@ -27,9 +27,14 @@ def marked(name: str, value: str) -> List[psutil.Process]:
     return [each for each in psutil.process_iter() if has_mark(each) and running(each)]
 
 
+def program(package: str, executable: str) -> str:
+    """Return the path of a node, as rosrun finds it. That itself takes as long as to import rospy."""
+    return str(find_node(package, executable)[0])
+
+
 def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[bytes]":
     """Start a node as rosrun does; it ends with this process."""
-    process = subprocess.Popen([find_node(package, executable)[0], *arguments])
+    process = subprocess.Popen([program(package, executable), *arguments])
     atexit.register(end_process, process)
     return process
 
