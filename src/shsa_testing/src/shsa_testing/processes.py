@@ -28,7 +28,7 @@ def marked(name: str, value: str) -> List[psutil.Process]:
 
 
 def program(package: str, executable: str) -> str:
-    """Return the path of a node, as rosrun finds it. That itself takes as long as to import rospy."""
+    """Return the path of a node, as rosrun finds it, and in less time."""
     return str(find_node(package, executable)[0])
 
 
