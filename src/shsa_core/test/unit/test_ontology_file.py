@@ -122,7 +122,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         ("constants:\n  k: {value: .nan}", 2, "value must be a finite number"),
         ("constants:\n  k: {value: 1, unit: {}}", 2, "unit must be a text"),
         ("constants:\n  pi: {value: 3}", 2, "a constant cannot be named 'pi'"),
-        ("properties: {a: }\nconstants:\n  a: {value: 3}", 3, "both a property and a constant"),
+        ("properties: {a: }\nconstants:\n  a: {value: 3}", 3, "the name 'a' stands for two things"),
         (PROPERTIES + "relations: []", 3, "relations must be a mapping"),
         (PROPERTIES + "relations:\n  r: a", 4, "the relation r must be a mapping"),
         (PROPERTIES + "relations:\n  r: {}", 4, "the relation r has no output"),
@@ -159,7 +159,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
             ]
         ],
         (PROPERTIES + "relations:\n  r:\n    a:", 5, "r for a: function must be a text, not empty"),
-        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "function must be a text, not a list"),
+        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "function: it is a vector of 1, and a is a number"),
         (PROPERTIES + "relations:\n  r:\n    a: ''", 5, "the expression is empty"),
         (PROPERTIES + "relations:\n  r:\n    a: a + b", 5, "uses its own output 'a'"),
         (PROPERTIES + "relations:\n  r:\n    a: b + z", 5, "uses 'z', which is neither in"),
@@ -349,8 +349,8 @@ def test_one_relation_heals_all_values_of_a_service(tmp_path: pathlib.Path) -> N
     [
         ("r: radius*right", "r: radius*", 7, "kinematics: where: r: not an expression"),
         ("difference: r - l", "difference: d - l", 10, "uses 'd', which is neither"),
-        ("r: radius*right", "base: radius*right", 9, "uses 'r', which is neither"),
-        ("difference: r - l", "speed: r - l", 10, "uses 'difference', which is neither"),
+        ("r: radius*right", "base: radius*right", 7, "'base' is the name of a property or"),
+        ("difference: r - l", "speed: r - l", 8, "'speed' is the name of a property or"),
         ("    where:\n      l: radius*left\n", "    where: [l]\n    x:\n", 5, "must be a mapping"),
         ("difference: r - l", "l: r - l", 8, "stands here a second time"),
     ],

@@ -32,9 +32,9 @@ from shsa_core.files.readers import (
     text,
     whole_number,
 )
-from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
 from shsa_core.language.temporal import parse_formula
+from shsa_core.language.vectors import LONGEST, elements
 from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, default_checks
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
@@ -83,23 +83,58 @@ PROPERTY: Keys = {
     "unit": _unit,
     "symbol": expert(text, "its sign in formulas"),
     "usual": expert(interval, "the interval of its 5th to 95th percentile"),
+    "length": expert(
+        whole_number(LONGEST), "it is a vector: `name_0`, `name_1`, ... are its elements"
+    ),
+    "elements": expert(
+        list_of(text, "list of properties"), "it is the vector of these, and has no other key"
+    ),
 }
-CONSTANT: Keys = {"value": required(number, "its value"), "unit": _unit}
-_expression = parsed("expression", parse_expression)
 
 
-def _steps(value: Value, key: str) -> Dict[str, Any]:
+def _numbers(value: Value, key: str) -> Any:
+    """Return a number, a tuple of them, or tuples of the same length for a matrix."""
+    if not isinstance(value.data, list):
+        return value.number(key)
+    found = tuple(_numbers(item, f"an element of {key}") for item in value.data[: LONGEST + 1])
+    shapes = {_shape(each) for each in found}
+    if len(found) > LONGEST or len(shapes) != 1 or len(min(shapes)) > 1:
+        raise value.error(
+            f"{key} must be a number, 1 to {LONGEST} in a list, or a list of rows of equal length"
+        )
+    return found
+
+
+def _shape(found: Any) -> Tuple[int, ...]:
+    return (len(found), *_shape(found[0])) if isinstance(found, tuple) else ()
+
+
+CONSTANT: Keys = {
+    "value": required(
+        Reader("number, list of numbers, or list of rows", _numbers),
+        "its value; a list is a vector, a list of rows a matrix",
+    ),
+    "unit": _unit,
+}
+
+
+def _as_it_is(value: Value, key: str) -> Value:
+    return value  # to be unfolded by what the whole file says
+
+
+def _steps(value: Value, key: str) -> Dict[str, Value]:
     entries = value.mapping(key)
     if not entries:
         raise value.error(f"{key} has no entry")
-    return {name: _expression.read(item, f"{key}: {name}") for name, item in entries.items()}
+    return entries
 
 
 FUNCTION: Keys = {
-    "function": basic(_expression, "how it is computed; may stand alone, without this key"),
-    "constraint": basic(
-        parsed("condition", parse_constraint), "where it is false, there is no output"
+    "function": basic(
+        Reader("expression, or list of them", _as_it_is),
+        "how it is computed; may stand alone, without this key; a list: each element of a vector",
     ),
+    "constraint": basic(Reader("condition", _as_it_is), "where it is false, there is no output"),
     "quality": _quality,
     "error": _known_error,
     "where": expert(
@@ -155,10 +190,30 @@ def _checks(value: Value, key: str) -> Checks:
     return checks
 
 
+_SLICE = re.compile(r"([^()]*)\[(\d{0,6}):(\d{1,6})\]([^()]*)")
+_field = parsed("field of the message", lambda field: str(parse_field(field)))
+
+
+def _fields(value: Value, key: str) -> Union[str, List[str]]:
+    """Return a field, or those of a vector's elements: a list, or a slice."""
+    if isinstance(value.data, list):
+        items = value.data
+    else:
+        cut = _SLICE.fullmatch(value.string(key))
+        if cut is None:
+            return str(_field.read(value, key))
+        places = range(int(cut[2] or 0), int(cut[3]))[: LONGEST + 1]
+        texts = (f"{cut[1]}[{place}]{cut[4]}" for place in places)
+        items = [Value(value.where, each, each) for each in texts]
+    if not 0 < len(items) <= LONGEST:
+        raise value.error(f"{key} must have 1 to {LONGEST} elements, not {value.describe()}")
+    return [str(_field.read(item, key)) for item in items]
+
+
 VALUE: Keys = {
     "field": required(
-        parsed("field of the message", lambda field: str(parse_field(field))),
-        "where in the message the value stands",
+        Reader("field of the message, or list of them", _fields),
+        "where in the message the value stands; of a vector, of each element, or `position[0:6]`",
     ),
     "range": basic(interval, "what it can be at most, in the property's unit; outside, it fails"),
     "usual": basic(interval, "what it usually is; outside, people are warned"),
@@ -173,6 +228,11 @@ VALUE: Keys = {
 """A value of a service, under `provides`."""
 
 
+def _places(name: str, field: Union[str, List[str]]) -> Dict[str, str]:
+    """Map a value, or each element of a vector, to its field."""
+    return {name: field} if isinstance(field, str) else dict(zip(elements(name, len(field)), field))
+
+
 def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
     given: Dict[str, Dict[str, Any]] = {}
     errors: List[ModelError] = []
@@ -180,7 +240,11 @@ def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
         try:
             if not is_name(name):
                 raise item.error(f"{name!a} cannot be the name of a property")
-            given[name] = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
+            keys = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
+            for each, field in _places(name, keys["field"]).items():
+                if each in given:
+                    raise item.error(f"{each} is provided already, as an element of a vector")
+                given[each] = {**keys, "field": field}
         except ModelError as error:
             errors += error.errors
     if errors:

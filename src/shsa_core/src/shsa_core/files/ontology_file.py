@@ -1,17 +1,33 @@
 """Reads the ontology file (docs/reference/ontology.md describes it)."""
 from functools import partial
-from typing import Callable, Dict, Iterable, List, Mapping, Optional, Tuple
+from typing import (
+    Any,
+    Callable,
+    Collection,
+    Dict,
+    Iterable,
+    List,
+    Mapping,
+    Optional,
+    Sequence,
+    Tuple,
+    Union,
+)
 
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
 from shsa_core.files.keys import CONSTANT, FUNCTION, ONTOLOGY, PROPERTY
 from shsa_core.files.readers import read_entry, read_keys
 from shsa_core.language.expression import Expression, Law, compose
+from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
+from shsa_core.language.vectors import Vector, Vectors, elements, unfold
 from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
+MOST_ELEMENTS = 10_000
+"""Of all vectors and matrices that a file declares."""
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
 
 
@@ -49,6 +65,8 @@ class _Reader:
         self.constants: Dict[str, Constant] = {}
         self.functions: List[TransferFunction] = []
         self.errors = errors
+        self._vectors: Dict[str, Vector] = {}
+        self._elements = 0
 
     def collect(self, add: Callable[[], None]) -> None:
         """Call `add` and keep its ModelError."""
@@ -59,17 +77,50 @@ class _Reader:
 
     def add_property(self, name: str, value: Value) -> None:
         """Add an entry of `properties`."""
-        self._check_name(name, value, "property")
+        self._check_name(name, value, self.constants)
         given = {}
         if value.data is not None:
             given = read_entry(value, f"the property {name}", PROPERTY)
-        self.properties[name] = Property(name, where=value.where, **given)
+        length, names = given.pop("length", None), given.pop("elements", None)
+        if names is not None:
+            if not names or given or length is not None:
+                raise value.error(f"the property {name} has elements, at least one, or other keys")
+            self._vectors[name] = names
+            return
+        if length is None:
+            self.properties[name] = Property(name, where=value.where, **given)
+            return
+        for each in self._vector(name, length, value, self.constants):
+            # what is said of an element itself counts
+            self.properties.setdefault(each, Property(each, where=value.where, **given))
 
     def add_constant(self, name: str, value: Value) -> None:
         """Add an entry of `constants`."""
-        self._check_name(name, value, "constant")
+        self._check_name(name, value, self.properties)
         given = read_entry(value, f"the constant {name}", CONSTANT)
-        self.constants[name] = Constant(name, where=value.where, **given)
+        self._add_numbers(name, given.pop("value"), given, value)
+
+    def _add_numbers(self, name: str, number: Any, given: Mapping[str, str], value: Value) -> None:
+        if not isinstance(number, tuple):
+            self.constants[name] = Constant(name, number, where=value.where, **given)
+            return
+        names = self._vector(name, len(number), value, self.properties)
+        for each, part in zip(names, number):
+            self._add_numbers(each, part, given, value)
+        if names[0] in self._vectors:  # rows of a matrix
+            self._vectors[name] = tuple(self._vectors.pop(each) for each in names)
+
+    def _vector(
+        self, name: str, length: int, value: Value, others: Collection[str]
+    ) -> Sequence[str]:
+        """Declare a vector; return the names of its elements, which `others` must not have."""
+        self._elements += length
+        if self._elements > MOST_ELEMENTS:
+            raise value.error(f"all vectors have more than {MOST_ELEMENTS} elements together")
+        names = self._vectors[name] = elements(name, length)
+        for each in names:
+            self._check_name(each, value, others)
+        return names
 
     def add_relation(self, relation: str, outputs: Value) -> None:
         """Add an entry of `relations`, in all its directions."""
@@ -77,25 +128,39 @@ class _Reader:
             raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
         directions = dict(outputs.mapping(f"the relation {relation}"))
         shared: Dict[str, Expression] = {}
+        vectors = dict(self._vectors)
         if "where" in directions and "where" not in self.properties:
             where = directions.pop("where")
-            shared = FUNCTION["where"].reader.read(where, f"{relation}: where")
+            given = FUNCTION["where"].reader.read(where, f"{relation}: where")
+            shared = self._steps(given, f"{relation}: where", vectors)
         if not directions:
             raise outputs.error(f"the relation {relation} has no output")
         for output, value in directions.items():
-            self.collect(partial(self._add_function, relation, output, value, shared))
+            add = partial(self._add_direction, relation, output, value, shared, vectors)
+            self.collect(add)
 
-    def _check_name(self, name: str, value: Value, kind: str) -> None:
+    def _check_name(self, name: str, value: Value, others: Collection[str]) -> None:
         if not is_name(name):
+            kind = "property" if others is self.constants else "constant"
             raise value.error(f"a {kind} cannot be named {name!a}; {_NAMES}")
-        if name in self.properties or name in self.constants:
-            raise value.error(f"the name '{name}' is both a property and a constant")
+        if name in others or name in self._vectors:
+            raise value.error(f"the name '{name}' stands for two things")
 
-    def _add_function(
-        self, relation: str, output: str, value: Value, shared: Mapping[str, Expression]
+    def _is_taken(self, name: str) -> bool:
+        return name in self.properties or name in self.constants or name in self._vectors
+
+    def _add_direction(
+        self,
+        relation: str,
+        output: str,
+        value: Value,
+        shared: Mapping[str, Expression],
+        vectors: Vectors,
     ) -> None:
+        """Add what a relation says of an output: a function, or one for each of its elements."""
         what = f"{relation} for {output}"
-        if output not in self.properties:
+        outputs = self._vectors.get(output, (output,))
+        if not self.properties.keys() >= set(outputs):
             kind = "is a constant" if output in self.constants else "is not in 'properties'"
             raise value.error(f"the relation {relation} yields '{output}', which {kind}")
         entry = value
@@ -108,38 +173,78 @@ class _Reader:
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
         if "where" in given and "function" not in given:
             raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
-        constraint, error = given.get("constraint"), given.get("error")
-        names = list(given.get("inputs", ()))
-        law: Optional[Law] = None
+        known = dict(vectors)
+        where = entry.mapping(what).get("where", value)
+        own = self._steps(given.get("where", {}), f"{what}: where", known)
+        vector = output in self._vectors
+        laws: List[Optional[Law]] = [None] * len(outputs)
         if "function" in given:
-            where = entry.mapping(what).get("where", value)
-            own = given.get("where", {})
-            steps = {**_used(shared, [given["function"], *own.values()]), **own}
-            law = self._law(what, given["function"], steps, where)
-            names += law.names
-        names += constraint.names if constraint else ()
-        self._check_inputs(names, relation, output, value)
-        self.functions.append(
-            TransferFunction(
-                relation,
-                output,
-                tuple(dict.fromkeys(name for name in names if name in self.properties)),
-                law,
-                given.get("quality", quality_of(error)),
-                constraint,
-                given["not_executable"] if law is None else law.text,
-                value.where,
-                error,
+            found = _unfolded(given["function"], f"{what}: function", known, parse_expression)
+            functions = found if isinstance(found, list) else [found]
+            if isinstance(found, list) is not vector or len(functions) != len(outputs):
+                has = f"a vector of {len(functions)}" if isinstance(found, list) else "a number"
+                needed = f"a vector of {len(outputs)}" if vector else "a number"
+                raise value.error(f"{what}: function: it is {has}, and {output} is {needed}")
+            few = vector or len(own) > len(given.get("where", ()))
+            laws = [self._law(what, each, shared, own, where, few) for each in functions]
+        conditions: List[Any] = [None] * len(outputs)
+        if "constraint" in given:
+            key = f"{what}: constraint"
+            condition = _unfolded(given["constraint"], key, self._vectors, parse_constraint)
+            conditions = condition if isinstance(condition, list) else [condition] * len(outputs)
+            if len(conditions) != len(outputs):
+                raise given["constraint"].error(f"{key}: it is of {len(conditions)} elements")
+        error = given.get("error")
+        for each, law, constraint in zip(outputs, laws, conditions):
+            names = [n for of in given.get("inputs", ()) for n in self._vectors.get(of, (of,))]
+            names += law.names if law else ()
+            names += constraint.names if constraint else ()
+            self._check_inputs(names, relation, each, value)
+            self.functions.append(
+                TransferFunction(
+                    relation,
+                    each,
+                    tuple(dict.fromkeys(name for name in names if name in self.properties)),
+                    law,
+                    given.get("quality", quality_of(error)),
+                    constraint,
+                    given["not_executable"] if law is None else law.text,
+                    value.where,
+                    error,
+                )
             )
-        )
+
+    def _steps(
+        self, given: Mapping[str, Value], key: str, vectors: Dict[str, Vector]
+    ) -> Dict[str, Expression]:
+        """Return the values on the way; those that are vectors are added to `vectors`."""
+        steps: Dict[str, Expression] = {}
+        for name, value in given.items():
+            if self._is_taken(name):
+                raise value.error(f"{key}: '{name}' is the name of a property or a constant")
+            found = _unfolded(value, f"{key}: {name}", vectors, parse_expression)
+            names: Sequence[Any] = (name,)
+            if isinstance(found, list):
+                names = vectors[name] = elements(name, len(found))
+            for each, step in zip(names, found if isinstance(found, list) else [found]):
+                if each in steps or self._is_taken(each):
+                    raise value.error(f"{key}: '{each}' has a value already")
+                steps[each] = step
+        return steps
 
     def _law(
-        self, what: str, function: Expression, steps: Dict[str, Expression], value: Value
+        self,
+        what: str,
+        function: Expression,
+        shared: Mapping[str, Expression],
+        own: Mapping[str, Expression],
+        value: Value,
+        few: bool,
     ) -> Law:
-        for name in steps:
-            if name in self.properties or name in self.constants:
-                kind = "property" if name in self.properties else "constant"
-                raise value.error(f"{what}: '{name}' under 'where' is the name of a {kind}")
+        """Return a law; it must use all its own steps, unless `few` of them are of this element."""
+        steps = {**_used(shared, [function, *own.values()]), **own}
+        if few:
+            steps = _used(steps, [function])
         try:
             return compose(steps, function)
         except ExpressionError as error:
@@ -154,6 +259,24 @@ class _Reader:
                     f"the relation {relation} uses '{name}', "
                     "which is neither in 'properties' nor in 'constants'"
                 )
+
+
+def _unfolded(
+    value: Value, key: str, vectors: Vectors, parse: Callable[[str], Expression]
+) -> Union[Expression, List[Expression]]:
+    """Return the expression of a number, or those of a vector's elements."""
+    if isinstance(value.data, list):
+        parts = [_unfolded(each, f"an element of {key}", vectors, parse) for each in value.data]
+        numbers = [each for each in parts if not isinstance(each, list)]
+        if not numbers or len(numbers) < len(parts):
+            raise value.error(f"{key}: each element in a list must be a number")
+        return numbers
+    text = value.string(key)
+    try:
+        texts = unfold(text, vectors) if vectors else text
+        return parse(texts) if isinstance(texts, str) else [parse(each) for each in texts]
+    except ExpressionError as error:
+        raise value.error(f"{key}: {error}") from error
 
 
 def _used(steps: Mapping[str, Expression], by: Iterable[Expression]) -> Dict[str, Expression]:

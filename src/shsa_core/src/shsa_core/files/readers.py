@@ -84,7 +84,7 @@ def read_keys(
 def plain_entry(item: Any, keys: Keys) -> Dict[str, Any]:
     """Return a mapping as it is written: basic keys, and others that are not as by default."""
     usual = {field.name: field.default for field in dataclasses.fields(item)}
-    values = {key: getattr(item, key) for key in keys}
+    values = {key: getattr(item, key) for key in keys if key in usual}
     return {
         key: plain(value)
         for key, value in values.items()

@@ -175,7 +175,7 @@ def _service(
         raise entry["gate"].error("gate must be another topic than the one that consumers hear")
     if "gate" in given:
         given["beyond_gate"], given["topic"] = given["topic"], given.pop("gate")
-    given["provides"] = _provisions(given["provides"], entry["provides"], given["type"])
+    given["provides"] = _provisions(given["provides"], given["type"])
     service = Service(name=name, where=value.where, **given)
     if service.event_driven:
         _check_event_driven(service, entry)
@@ -185,9 +185,7 @@ def _service(
     return service
 
 
-def _provisions(
-    given: Mapping[str, Dict[str, Any]], value: Value, message_type: str
-) -> Tuple[Provision, ...]:
+def _provisions(given: Mapping[str, Dict[str, Any]], message_type: str) -> Tuple[Provision, ...]:
     fields: Dict[str, str] = {}
     provisions: List[Provision] = []
     errors: List[ModelError] = []
@@ -195,9 +193,10 @@ def _provisions(
         other = fields.setdefault(keys["field"], name)
         if other != name:
             errors.append(
-                value.mapping(name)[name].error(
+                ModelError(
+                    keys["where"],
                     f"the field {keys['field']} provides {other} already; "
-                    "a field can provide one property"
+                    "a field can provide one property",
                 )
             )
         asked, distance = keys.pop("checks", {}), is_distance(message_type, keys["field"])
