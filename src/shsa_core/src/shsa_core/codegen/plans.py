@@ -292,7 +292,7 @@ def _listing(
             best.settle(number)
         firsts = [best.ratings.rated(number) for number in numbers]
     else:
-        firsts = [first_found(network, table, number, usable) for number in numbers]
+        firsts = [first_found(network, table, number, usable, prefer) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"

@@ -376,6 +376,11 @@ SERVICE: Keys = {
         list_of(matching(_GRAPH_NAME, "/camera or camera"), "list of nodes"),
         "nodes that its substitute reads only if nothing else is left",
     ),
+    "cost": expert(
+        whole_number(10**9),
+        "what reading one of its values costs, as in kB/s; of substitutes that are as good the "
+        "cheaper one is taken",
+    ),
     "fault_tolerant_time": expert(
         positive, "s without good data that its users tolerate; `shsa check` judges it"
     ),

@@ -25,7 +25,7 @@ FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
     *("needed", "deadline", "checks", "fails_with", "derived_from"),
-    *("prefer", "avoid"),
+    *("prefer", "avoid", "cost"),
 )
 """The keys that decide whom healing may kill or start, and where, who may convict, and when it
 looks away."""

@@ -12,8 +12,8 @@ from shsa_core.model.service import Source
 MOST = 2**60
 
 Rating = Tuple[int, int, int, int, float]
-"""The least is the best: cost, relations and inputs (each as often as it is used); what it is by, a
-source or the function number `by - FUNCTION`; the product of the qualities.
+"""The least is the best: cost, relations and what its inputs cost (each as often as it is used);
+what it is by, a source or the function number `by - FUNCTION`; the product of the qualities.
 """
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
 LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
@@ -116,7 +116,7 @@ class Rated(NamedTuple):
 
 def rate_source(source: Source) -> Rated:
     """Return the derivation of a property from a source alone."""
-    key = cost(source.quality), 0, 1
+    key = cost(source.quality), 0, source.service.cost
     return Rated(key, source.quality, Derivation(source.property, source, None))
 
 
@@ -219,7 +219,9 @@ class SourceTable:
 
     def _choose(self, number: int) -> None:
         best = min(self._of[number], key=_order, default=None)
-        rating = LOST if best is None else (cost(best.quality), 0, 1, SOURCE, best.quality)
+        rating = LOST
+        if best is not None:
+            rating = (*rate_source(best).key, SOURCE, best.quality)
         self._best[number] = rating, best
 
 
@@ -228,8 +230,8 @@ def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
         named.setdefault(name, {})[source] = None
 
 
-def _order(source: Source) -> Tuple[int, Name]:
-    return cost(source.quality), _name(source)
+def _order(source: Source) -> Tuple[int, int, Name]:
+    return cost(source.quality), source.service.cost, _name(source)
 
 
 def _name(source: Source) -> Name:
