@@ -6,6 +6,7 @@ from typing import Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tup
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_learning.fragility import Fragility
+from shsa_learning.report.failures import Failures
 from shsa_learning.report.remedies import Remedies
 from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_learning.report.report import Survival, survival
@@ -43,6 +44,7 @@ class _Analysis:
         self._size = size
         self._fragility = Fragility(ontology, som)
         self._takeovers = Takeovers(ontology, som.sources)
+        self._failures = Failures(ontology.network, som.sources)
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
@@ -106,7 +108,7 @@ class _Analysis:
     def _alternatives(self, name: str, service: Service) -> List[Alternative]:
         """Return a lost property's sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
-        ratings = self._takeovers.after([service.node], blocked=number)
+        ratings = self._failures.after([service.node], blocked=number)
         found = [
             (
                 rate_source(s).key,
@@ -149,7 +151,7 @@ class _Analysis:
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
-            for cause in _causes(_read(self._takeovers.after(failed), numbers)):
+            for cause in _causes(_read(self._failures.after(failed), numbers)):
                 more = failed | {cause}
                 if more not in cuts:
                     cuts |= self._cuts(names, more)
@@ -180,7 +182,7 @@ class _Analysis:
 
     def _quality(self, service: ServiceReport, cause: str) -> float:
         """Return the quality of a service's substitute once a shared cause has failed."""
-        ratings = self._takeovers.after([cause])
+        ratings = self._failures.after([cause])
         return prod(ratings[self._network.number(name)][4] for name in service.properties)
 
 
