@@ -34,7 +34,7 @@ from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Rated, SourceTable
-from shsa_testing.searching import find_substitute
+from shsa_core.search.substitutes import find_substitute
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"

@@ -19,7 +19,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
-from shsa_testing.searching import find_substitute
+from shsa_core.search.substitutes import find_substitute
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference"
 ROSTEST = pathlib.Path(__file__).resolve().parents[1] / "rostest"

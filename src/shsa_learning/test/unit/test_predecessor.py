@@ -23,7 +23,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_testing.searching import find_substitute
+from shsa_core.search.substitutes import find_substitute
 
 Imported = Callable[[str], Tuple[Ontology, Som]]
 Names = FrozenSet[str]

@@ -20,7 +20,7 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import SourceTable
-from shsa_testing.searching import find_substitute
+from shsa_core.search.substitutes import find_substitute
 from shsa_testing.thorough import many
 
 RANDOM = settings(max_examples=many(300), deadline=None, derandomize=True)

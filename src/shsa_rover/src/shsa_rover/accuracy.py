@@ -10,11 +10,10 @@ from typing import Dict, List, Sequence, Tuple
 
 import numpy as np
 
-from shsa_core.codegen import choice
-from shsa_core.errors import NoSubstitute
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_core.search.substitutes import find_substitute
 from shsa_learning.figures import error_of
 from shsa_learning.learn.evaluation import evaluate, evaluate_derivation
 from shsa_rover.dataset import Dataset
@@ -95,12 +94,8 @@ def substitutes(ontology: Ontology, som: Som, data: Dataset) -> List[Accuracy]:
     """
     results = []
     for lost in (source for service in som.needed() for source in service.sources):
-        left = [
-            each for each in som.sources if {lost.service.name, lost.node}.isdisjoint(each.names)
-        ]
-        found, _ = next(choice.substitutes(ontology, left, lost.property), (None, None))
-        if found is None:
-            raise NoSubstitute([lost.property], [])
+        without = lost.service.name, lost.node
+        found = find_substitute(ontology, som.sources, lost.property, excluded=without)
         values = evaluate_derivation(found.derivation, ontology.constants, data.time, data.measured)
         name = f"{lost.path}: {' < '.join(found.derivation.relations()) or 'passed on'}"
         results.append(_accuracy(name, lost.property, found.quality, values, data))

@@ -16,8 +16,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Contain, Standby
 from shsa_core.model.service import Provision, Service
-from shsa_core.search.substitutes import Substitute
-from shsa_testing.searching import find_substitute
+from shsa_core.search.substitutes import Substitute, find_substitute
 from shsa_learning.learn.evaluation import evaluate_derivation
 from shsa_rover import measuring
 from shsa_rover.accuracy import errors, relations, services, substitutes, usual_ranges

@@ -10,7 +10,7 @@ from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.takeover import Takeovers, slowest
-from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
+from shsa_core.analysis.type_check import check_healable, check_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
@@ -40,7 +40,7 @@ from shsa_core.search.derivation import SourceTable
 def check_files(
     ontology_path: str,
     som_path: Optional[str] = None,
-    types: Optional[MessageTypes] = None,
+    types: Any = None,
     namespace: str = "/",
 ) -> List[Finding]:
     """Return everything found in the files, by file and line.

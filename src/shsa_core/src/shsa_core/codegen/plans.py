@@ -273,10 +273,14 @@ def _listing(
     prefer: Collection[str],
     limits: Sequence[Optional[float]],
 ) -> Listing:
-    """Yield joint derivations: the best by `method`, then all, best first."""
+    """Yield joint derivations: the best by `method`, then all, best first.
+
+    Where there are relations to `prefer`, they come first, by whatever method.
+    """
     numbers = [network.number(name) for name in properties]
-    if method == "best" and (predictor is not None or prefer):
-        yield from listing(network, table, properties, usable, predictor, prefer, limits)
+    known = predictor if method == "best" else None
+    if known is not None or prefer:
+        yield from listing(network, table, properties, usable, known, prefer, limits)
         return
     if method == "best":  # much faster than to rank all
         best = BestDerivations(network, table, usable)
@@ -284,7 +288,7 @@ def _listing(
             best.settle(number)
         firsts = [best.ratings.rated(number) for number in numbers]
     else:
-        firsts = [first_found(network, table, number, usable, prefer) for number in numbers]
+        firsts = [first_found(network, table, number, usable) for number in numbers]
     parts = [rated for rated in firsts if rated is not None]
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"

@@ -14,7 +14,6 @@ from shsa_core.files.readers import (
     Keys,
     Reader,
     basic,
-    expert,
     flag,
     interval,
     list_of,
@@ -58,12 +57,12 @@ def _error(value: Value, key: str) -> Error:
 
 ERROR: Keys = {
     "rms": Key(positive, "root mean square of value minus truth", required=True),
-    "bias": expert(number, "mean of value minus truth; at most rms in size"),
-    "p95": expert(not_negative, "95th percentile of its size"),
-    "delay": expert(not_negative, "s by which the value lags"),
-    "baseline": expert(positive, "the RMS error of the mean"),
-    "n": expert(whole_number(10**12), "points that it was measured on"),
-    "source": expert(text, "where it was measured, in words"),
+    "bias": Key(number, "mean of value minus truth; at most rms in size"),
+    "p95": Key(not_negative, "95th percentile of its size"),
+    "delay": Key(not_negative, "s by which the value lags"),
+    "baseline": Key(positive, "the RMS error of the mean"),
+    "n": Key(whole_number(10**12), "points that it was measured on"),
+    "source": Key(text, "where it was measured, in words"),
 }
 """Figures of an error, in the unit of its value; delay in s."""
 _quality = basic(share, "how far it can be trusted; not given: from its error")
@@ -81,12 +80,12 @@ ONTOLOGY: Keys = {
 }
 PROPERTY: Keys = {
     "unit": _unit,
-    "symbol": expert(text, "its sign in formulas"),
-    "usual": expert(interval, "the interval of its 5th to 95th percentile"),
-    "length": expert(
+    "symbol": Key(text, "its sign in formulas"),
+    "usual": Key(interval, "the interval of its 5th to 95th percentile"),
+    "length": Key(
         whole_number(LONGEST), "it is a vector: `name_0`, `name_1`, ... are its elements"
     ),
-    "elements": expert(
+    "elements": Key(
         list_of(text, "list of properties"), "it is the vector of these, and has no other key"
     ),
 }
@@ -137,15 +136,15 @@ FUNCTION: Keys = {
     "constraint": basic(Reader("condition", _as_it_is), "where it is false, there is no output"),
     "quality": _quality,
     "error": _known_error,
-    "where": expert(
+    "where": Key(
         Reader("mapping", _steps),
         "names for values on the way, and their expressions, in order; as an entry of the relation "
         "itself, for all that it yields",
     ),
-    "not_executable": expert(
+    "not_executable": Key(
         text, "instead of function: a text that is no expression, and becomes no code"
     ),
-    "inputs": expert(
+    "inputs": Key(
         list_of(text, "list of names"), "with not_executable: the properties that it needs"
     ),
 }
@@ -154,7 +153,7 @@ FUNCTION: Keys = {
 
 def _check(kind: Type[Check]) -> Key:
     if kind is Formula:
-        return expert(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
+        return Key(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
     words: Dict[Union[bool, str], Optional[Limit]] = {False: None, True: kind.usual}
     form, highest = "false, true or a number above 0", HIGHEST
     if kind.usual is True:
@@ -162,14 +161,14 @@ def _check(kind: Type[Check]) -> Key:
     elif kind.usual is None:
         form = "false or a number above 0"
         del words[True]
-    return expert(number_in(ABOVE_0, highest, form, words), kind.tells)
+    return Key(number_in(ABOVE_0, highest, form, words), kind.tells)
 
 
 VALUE_CHECKS: Keys = {n: _check(each) for n, each in REGISTRY.items() if each.sample in OF_VALUE}
 MESSAGE_CHECKS: Keys = {n: _check(e) for n, e in REGISTRY.items() if n not in VALUE_CHECKS}
 COUNTS: Keys = {
-    "bad": expert(whole_number(1000), "this many bad messages make a failure"),
-    "of": expert(whole_number(1000), "among this many, the last ones"),
+    "bad": Key(whole_number(1000), "this many bad messages make a failure"),
+    "of": Key(whole_number(1000), "among this many, the last ones"),
 }
 
 
@@ -219,11 +218,11 @@ VALUE: Keys = {
     "usual": basic(interval, "what it usually is; outside, people are warned"),
     "quality": _quality,
     "error": _known_error,
-    "fault_tolerant_error": expert(
+    "fault_tolerant_error": Key(
         positive, "what 95 % of a substitute's error must be within, in the property's unit"
     ),
-    "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
-    "calibrate": expert(flag, "learn gain and offset of its substitutes while the sensor works"),
+    "checks": Key(Reader("mapping", _value_checks), "what else is a failure of the value"),
+    "calibrate": Key(flag, "learn gain and offset of its substitutes while the sensor works"),
 }
 """A value of a service, under `provides`."""
 
@@ -303,19 +302,19 @@ DEADLINE: Keys = {
 }
 _hosts = list_of(text, "list of hosts")
 PLACEMENT: Keys = {
-    "prefer": expert(_hosts, "where it should run, the best first"),
-    "forbid": expert(_hosts, "where it never runs"),
+    "prefer": Key(_hosts, "where it should run, the best first"),
+    "forbid": Key(_hosts, "where it never runs"),
 }
 LAST_RESORT: Keys = {
-    "values": expert(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
-    "command": expert(
+    "values": Key(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
+    "command": Key(
         Reader("list of words", _command),
         "a program and its arguments, run once and through no shell; from the file alone",
     ),
 }
 HOST: Keys = {
-    "cores": expert(positive, "number of CPUs; not given: nothing is refused"),
-    "link": expert(positive, "bytes/s of its network link; not given: nothing is refused"),
+    "cores": Key(positive, "number of CPUs; not given: nothing is refused"),
+    "link": Key(positive, "bytes/s of its network link; not given: nothing is refused"),
 }
 _CAUSE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
@@ -342,60 +341,60 @@ SERVICE: Keys = {
         one_of(Contain),
         "node: its node is killed when it fails; none: never; not given: by what would be lost",
     ),
-    "deadline": expert(
+    "deadline": Key(
         Reader("1 to 1e+06 periods, or mapping", _deadline),
         "periods without a message after which a publisher is silent, or how to learn them",
     ),
-    "bridge": expert(
+    "bridge": Key(
         number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
         "periods without a message after which a ready substitute fills in; not given: 2.5 "
         "where standby is hot",
     ),
-    "checks": expert(Reader("mapping", _checks), "what else is a failure of its messages"),
-    "last_resort": expert(
+    "checks": Key(Reader("mapping", _checks), "what else is a failure of its messages"),
+    "last_resort": Key(
         Reader("stop, or mapping", _last_resort), "what is done when nothing can substitute"
     ),
-    "others": expert(one_of(Others), "the content of fields that a substitute does not compute"),
-    "latched": expert(flag, "latched: a late subscriber gets the newest message"),
-    "fails_with": expert(
+    "others": Key(one_of(Others), "the content of fields that a substitute does not compute"),
+    "latched": Key(flag, "latched: a late subscriber gets the newest message"),
+    "fails_with": Key(
         list_of(matching(_CAUSE, "usb_hub or /driver"), "list of names"),
         "common causes: services that name the same cause fail together",
     ),
-    "derived_from": expert(
+    "derived_from": Key(
         list_of(
             matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic"),
             "list of services or topics",
         ),
         "services or topics that its values are computed from; not given: measured",
     ),
-    "prefer": expert(
+    "prefer": Key(
         list_of(text, "list of relations"),
         "relations by which its substitute should be computed, unless they err more than the mean",
     ),
-    "avoid": expert(
+    "avoid": Key(
         list_of(matching(_GRAPH_NAME, "/camera or camera"), "list of nodes"),
         "nodes that its substitute reads only if nothing else is left",
     ),
-    "cost": expert(
+    "cost": Key(
         whole_number(10**9),
         "what reading one of its values costs, as in kB/s; of substitutes that are as good the "
         "cheaper one is taken",
     ),
-    "fault_tolerant_time": expert(
+    "fault_tolerant_time": Key(
         positive, "s without good data that its users tolerate; `shsa check` judges it"
     ),
-    "gate": expert(
+    "gate": Key(
         matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
         "the topic that its node publishes on; a gate checks it and publishes `topic`",
     ),
-    "host": expert(text, "name of the host that its node runs on"),
-    "placement": expert(Reader("mapping", _placement), "where a substitute of it may run"),
-    "on_partition": expert(
+    "host": Key(text, "name of the host that its node runs on"),
+    "placement": Key(Reader("mapping", _placement), "where a substitute of it may run"),
+    "on_partition": Key(
         one_of(OnPartition), "what healing does while its computer cannot be reached"
     ),
 }
 SOM: Keys = {
     "services": required(mapping, "the services, by name"),
     "act": basic(flag, "true: healing acts; otherwise it only advises"),
-    "hosts": expert(mapping, "the robot's computers, by name"),
+    "hosts": Key(mapping, "the robot's computers, by name"),
 }

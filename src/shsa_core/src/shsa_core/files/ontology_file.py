@@ -11,7 +11,6 @@ from typing import (
     Optional,
     Sequence,
     Tuple,
-    Union,
 )
 
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
@@ -26,6 +25,7 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
+_Parse = Callable[[str], Expression]
 MOST_ELEMENTS = 10_000
 """Of all vectors and matrices that a file declares."""
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
@@ -146,9 +146,6 @@ class _Reader:
         if name in others or name in self._vectors:
             raise value.error(f"the name '{name}' stands for two things")
 
-    def _is_taken(self, name: str) -> bool:
-        return name in self.properties or name in self.constants or name in self._vectors
-
     def _add_direction(
         self,
         relation: str,
@@ -173,31 +170,22 @@ class _Reader:
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
         if "where" in given and "function" not in given:
             raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
-        known = dict(vectors)
-        where = entry.mapping(what).get("where", value)
+        known, where = dict(vectors), entry.mapping(what).get("where", value)
         own = self._steps(given.get("where", {}), f"{what}: where", known)
-        vector = output in self._vectors
-        laws: List[Optional[Law]] = [None] * len(outputs)
-        if "function" in given:
-            found = _unfolded(given["function"], f"{what}: function", known, parse_expression)
-            functions = found if isinstance(found, list) else [found]
-            if isinstance(found, list) is not vector or len(functions) != len(outputs):
-                has = f"a vector of {len(functions)}" if isinstance(found, list) else "a number"
-                needed = f"a vector of {len(outputs)}" if vector else "a number"
-                raise value.error(f"{what}: function: it is {has}, and {output} is {needed}")
-            few = vector or len(own) > len(given.get("where", ()))
-            laws = [self._law(what, each, shared, own, where, few) for each in functions]
-        conditions: List[Any] = [None] * len(outputs)
-        if "constraint" in given:
-            key = f"{what}: constraint"
-            condition = _unfolded(given["constraint"], key, self._vectors, parse_constraint)
-            conditions = condition if isinstance(condition, list) else [condition] * len(outputs)
-            if len(conditions) != len(outputs):
-                raise given["constraint"].error(f"{key}: it is of {len(conditions)} elements")
-        error = given.get("error")
-        for each, law, constraint in zip(outputs, laws, conditions):
+        few = output in self._vectors or len(own) > len(given.get("where", ()))
+        function, condition, error = (given.get(k) for k in ("function", "constraint", "error"))
+        functions = self._each(output, function, f"{what}: function", known, parse_expression)
+        conditions = self._each(output, condition, f"{what}: constraint", {}, parse_constraint)
+        for each, expression, constraint in zip(outputs, functions, conditions):
+            law: Optional[Law] = None
             names = [n for of in given.get("inputs", ()) for n in self._vectors.get(of, (of,))]
-            names += law.names if law else ()
+            if expression is not None:
+                steps = {**_used(shared, [expression, *own.values()]), **own}
+                try:
+                    law = compose(_used(steps, [expression]) if few else steps, expression)
+                except ExpressionError as wrong:
+                    raise where.error(f"{what}: {wrong}") from wrong
+                names += law.names
             names += constraint.names if constraint else ()
             self._check_inputs(names, relation, each, value)
             self.functions.append(
@@ -214,41 +202,40 @@ class _Reader:
                 )
             )
 
+    def _each(
+        self, output: str, value: Optional[Value], key: str, vectors: Vectors, parse: _Parse
+    ) -> Sequence[Any]:
+        """Return the expression for each element of an output; None where there is none."""
+        outputs = self._vectors.get(output, (output,))
+        if value is None:
+            return [None] * len(outputs)
+        found = _unfolded(output, value, key, vectors or self._vectors, parse)
+        if len(found) == len(outputs) and (output in found) is (output in outputs):
+            return list(found.values())
+        if parse is parse_constraint and output in found:
+            return list(found.values()) * len(outputs)  # one for all
+        has, needed = (
+            "a number" if output in names else f"a vector of {len(names)}"
+            for names in (found, outputs)
+        )
+        raise value.error(f"{key}: it is {has}, and {output} is {needed}")
+
     def _steps(
         self, given: Mapping[str, Value], key: str, vectors: Dict[str, Vector]
     ) -> Dict[str, Expression]:
         """Return the values on the way; those that are vectors are added to `vectors`."""
         steps: Dict[str, Expression] = {}
         for name, value in given.items():
-            if self._is_taken(name):
-                raise value.error(f"{key}: '{name}' is the name of a property or a constant")
-            found = _unfolded(value, f"{key}: {name}", vectors, parse_expression)
-            names: Sequence[Any] = (name,)
-            if isinstance(found, list):
-                names = vectors[name] = elements(name, len(found))
-            for each, step in zip(names, found if isinstance(found, list) else [found]):
-                if each in steps or self._is_taken(each):
+            found = _unfolded(name, value, f"{key}: {name}", vectors, parse_expression)
+            if name not in found:
+                vectors[name] = tuple(found)
+            for each in (name, *found):
+                if each in self.properties or each in self.constants or each in self._vectors:
+                    raise value.error(f"{key}: '{each}' is the name of a property or a constant")
+                if each in steps:
                     raise value.error(f"{key}: '{each}' has a value already")
-                steps[each] = step
+            steps.update(found)
         return steps
-
-    def _law(
-        self,
-        what: str,
-        function: Expression,
-        shared: Mapping[str, Expression],
-        own: Mapping[str, Expression],
-        value: Value,
-        few: bool,
-    ) -> Law:
-        """Return a law; it must use all its own steps, unless `few` of them are of this element."""
-        steps = {**_used(shared, [function, *own.values()]), **own}
-        if few:
-            steps = _used(steps, [function])
-        try:
-            return compose(steps, function)
-        except ExpressionError as error:
-            raise value.error(f"{what}: {error}") from error
 
     def _check_inputs(self, names: List[str], relation: str, output: str, value: Value) -> None:
         for name in names:
@@ -262,19 +249,20 @@ class _Reader:
 
 
 def _unfolded(
-    value: Value, key: str, vectors: Vectors, parse: Callable[[str], Expression]
-) -> Union[Expression, List[Expression]]:
-    """Return the expression of a number, or those of a vector's elements."""
-    if isinstance(value.data, list):
-        parts = [_unfolded(each, f"an element of {key}", vectors, parse) for each in value.data]
-        numbers = [each for each in parts if not isinstance(each, list)]
-        if not numbers or len(numbers) < len(parts):
-            raise value.error(f"{key}: each element in a list must be a number")
-        return numbers
-    text = value.string(key)
+    name: str, value: Value, key: str, vectors: Vectors, parse: _Parse
+) -> Dict[str, Expression]:
+    """Map a number, or each element of a vector, to its expression, by its name."""
+    parts = value.data if isinstance(value.data, list) else [value]
     try:
-        texts = unfold(text, vectors) if vectors else text
-        return parse(texts) if isinstance(texts, str) else [parse(each) for each in texts]
+        texts = [unfold(part.string(key), vectors) for part in parts]
+        if isinstance(value.data, list):
+            if not texts or any(isinstance(each, list) for each in texts):
+                raise value.error(f"{key}: each element in a list must be a number")
+            return {n: parse(str(t)) for n, t in zip(elements(name, len(texts)), texts)}
+        (found,) = texts
+        if isinstance(found, str):
+            return {name: parse(found)}
+        return {n: parse(text) for n, text in zip(elements(name, len(found)), found)}
     except ExpressionError as error:
         raise value.error(f"{key}: {error}") from error
 

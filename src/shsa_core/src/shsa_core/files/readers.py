@@ -50,11 +50,6 @@ def basic(reader: Reader, means: str) -> Key:
     return Key(reader, means, basic=True)
 
 
-def expert(reader: Reader, means: str) -> Key:
-    """Return a key that only experts need."""
-    return Key(reader, means)
-
-
 def read_entry(value: Value, what: str, keys: Keys, within: str = "") -> Dict[str, Any]:
     """Return what a mapping says under its keys. Raises ModelErrors: all that is wrong with it."""
     given, errors = read_keys(value, what, keys, within)

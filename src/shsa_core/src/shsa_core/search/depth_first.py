@@ -1,6 +1,5 @@
 """The search of the paper: depth first, the first substitute found (`depth_first`, or `orr`)."""
-from itertools import chain
-from typing import Collection, Iterator, List, Optional, Set
+from typing import Iterator, List, Optional, Set
 
 from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
@@ -18,32 +17,23 @@ class Branch:
 
 
 def first_found(
-    network: Network,
-    sources: SourceTable,
-    target: int,
-    usable: Optional[Usable] = None,
-    prefer: Collection[str] = (),
+    network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
     """Return a derivation of `target`: its source, else its first function that can be derived.
 
-    A function of a relation to `prefer` comes before the source. Within a round, a property that
-    failed is not tried again, though it may have failed only because of what was on the path then.
-    So there are more rounds, each with what was found before, until one finds nothing new.
+    Within a round, a property that failed is not tried again, though it may have failed only
+    because of what was on the path then. So there are more rounds, each with what was found before,
+    until one finds nothing new.
     """
     found = Ratings(network, sources)
     while found[target] == UNRATED:
-        if not _round(network, sources, usable, target, found, prefer):
+        if not _round(network, sources, usable, target, found):
             return None
     return found.rated(target)
 
 
 def _round(
-    network: Network,
-    sources: SourceTable,
-    usable: Optional[Usable],
-    target: int,
-    found: Ratings,
-    prefer: Collection[str],
+    network: Network, sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings
 ) -> bool:
     """Search once; return True if anything new was found."""
     new = False
@@ -53,23 +43,19 @@ def _round(
     while path or next_ is not None:
         if next_ is not None:
             tried.add(next_)
-            functions = [f for f in network.functions_of[next_] if usable is None or usable(f)]
-            wished = [f for f in functions if network.functions[f].relation in prefer]
-            measured = sources.rating(next_) != LOST
-            others = [f for f in functions if f not in wished and not measured]
-            if wished or not measured:
-                path.append(Branch(next_, chain(wished, others)))
-            else:
+            if sources.rating(next_) != LOST:
                 found[next_] = sources.rating(next_)
                 new = True
+            else:
+                functions = iter(network.functions_of[next_])
+                if usable is not None:
+                    functions = filter(usable, functions)
+                path.append(Branch(next_, functions))
             next_ = None
             continue
         branch = path[-1]
         if branch.function is None:
             path.pop()
-            if sources.rating(branch.number) != LOST:  # what was preferred cannot be derived
-                found[branch.number] = sources.rating(branch.number)
-                new = True
             continue
         inputs = network.inputs[branch.function]
         next_ = next((i for i in inputs if found[i] == UNRATED), None)

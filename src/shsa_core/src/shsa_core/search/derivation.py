@@ -25,7 +25,8 @@ Name = Tuple[float, str, str]
 class Derivation:
     """A property obtained from a source, or by a function from other derivations.
 
-    Exactly one of `source` and `function` is set. `inputs` follow `function.inputs`. One object
+    One of `source` and `function` is set, or neither: it is several properties at once, its
+    `inputs`. Else they follow `function.inputs`. One object
     stands wherever its property is obtained that way: they are compared and hashed by identity.
     """
 
@@ -51,8 +52,7 @@ class Derivation:
         """The sort key: the period, path and node of the source, or the relation."""
         if self.source is not None:
             return _name(self.source)
-        assert self.function is not None
-        return math.inf, self.function.relation, ""
+        return math.inf, "" if self.function is None else self.function.relation, ""
 
     def unique(self) -> List["Derivation"]:
         """Return this derivation and all its parts, each object once, in order of first use."""
@@ -73,20 +73,6 @@ class Derivation:
         """Return the names of the relations used, each once, in order of first use."""
         functions = [d.function for d in self.unique() if d.function is not None]
         return tuple(dict.fromkeys(function.relation for function in functions))
-
-
-class JointDerivation(Derivation):
-    """Derivations of several properties at once: its `inputs`."""
-
-    __slots__ = ()
-
-    def __init__(self, inputs: Tuple[Derivation, ...]) -> None:
-        super().__init__("", None, None, inputs)
-
-    @property
-    def name(self) -> Name:
-        """The same for all: only its inputs order it."""
-        return 0.0, "", ""
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
@@ -128,7 +114,8 @@ def rate_function(function: TransferFunction, price: int, inputs: Sequence[Rated
 
 def rate_joint(parts: Sequence[Rated]) -> Rated:
     """Return derivations of several properties at once."""
-    return _rate(JointDerivation(tuple(part.derivation for part in parts)), 0, 0, 1.0, parts)
+    joint = Derivation("", None, None, tuple(part.derivation for part in parts))
+    return _rate(joint, 0, 0, 1.0, parts)
 
 
 def _rate(

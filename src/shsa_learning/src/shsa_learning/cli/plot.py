@@ -13,6 +13,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
+from shsa_core.search.substitutes import find_substitute
 from shsa_core.text import shown
 
 Edge = Tuple[str, str]
@@ -59,15 +60,13 @@ def run(args: argparse.Namespace) -> int:
         loss = lose(som, args.property, names)[0]
         available = list(loss.available)
         title = f"{args.property} is lost"
-        errors = predictor(ontology, som.sources)
-        found, expected = next(ranked(ontology, loss, errors), (None, None))
-        if found is None:
-            best = BestDerivations(ontology.network, SourceTable(ontology.network, available))
-            number = ontology.network.number(args.property)
-            best.settle(number)
-            none = NoSubstitute([args.property], best.missing(number))
-            title += "; nothing replaces it"
+        try:
+            find_substitute(ontology, available, args.property)
+        except NoSubstitute as error:
+            none, title = error, f"{title}; nothing replaces it"
         else:
+            errors = predictor(ontology, som.sources)
+            found, expected = next(ranked(ontology, loss, errors))
             derivation = found.derivation
             title += f"; its substitute has the quality {found.quality:.3g}"
             title += f" and the expected error {expected.rms:.3g}" if expected is not None else ""
