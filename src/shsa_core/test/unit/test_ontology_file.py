@@ -159,7 +159,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
             ]
         ],
         (PROPERTIES + "relations:\n  r:\n    a:", 5, "r for a: function must be a text, not empty"),
-        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "function: it is a vector of 1, and a is a number"),
+        (PROPERTIES + "relations:\n  r:\n    a: [b]", 5, "function must be a text, not a list"),
         (PROPERTIES + "relations:\n  r:\n    a: ''", 5, "the expression is empty"),
         (PROPERTIES + "relations:\n  r:\n    a: a + b", 5, "uses its own output 'a'"),
         (PROPERTIES + "relations:\n  r:\n    a: b + z", 5, "uses 'z', which is neither in"),
@@ -349,8 +349,8 @@ def test_one_relation_heals_all_values_of_a_service(tmp_path: pathlib.Path) -> N
     [
         ("r: radius*right", "r: radius*", 7, "kinematics: where: r: not an expression"),
         ("difference: r - l", "difference: d - l", 10, "uses 'd', which is neither"),
-        ("r: radius*right", "base: radius*right", 7, "'base' is the name of a property or"),
-        ("difference: r - l", "speed: r - l", 8, "'speed' is the name of a property or"),
+        ("r: radius*right", "base: radius*right", 9, "uses 'r', which is neither"),
+        ("difference: r - l", "speed: r - l", 10, "uses 'difference', which is neither"),
         ("    where:\n      l: radius*left\n", "    where: [l]\n    x:\n", 5, "must be a mapping"),
         ("difference: r - l", "l: r - l", 8, "stands here a second time"),
     ],

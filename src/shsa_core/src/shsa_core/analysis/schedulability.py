@@ -6,7 +6,7 @@ have nothing else to do.
 from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.finding import Finding
-from shsa_core.analysis.takeover import Takeovers
+from shsa_core.analysis.takeover import takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
 from shsa_core.healing.events import HostSeen
 from shsa_core.healing.hosts import Computers
@@ -29,7 +29,7 @@ def check_placements(
     """
     if not som.hosts:
         return
-    schedule = _Schedule(som, Takeovers(ontology, som.sources), settings, own)
+    schedule = _Schedule(ontology, som, settings, own)
     schedule.stand_by()
     for services in _by_node(som):
         yield from schedule.after(services)
@@ -38,13 +38,14 @@ def check_placements(
 class _Schedule:
     """The places where substitutes would run, and what they take there."""
 
-    def __init__(self, som: Som, takeovers: Takeovers, settings: Settings, own: str) -> None:
+    def __init__(self, ontology: Ontology, som: Som, settings: Settings, own: str) -> None:
         self._som, self._settings = som, settings
+        plan_of = takeovers(ontology, som.sources)
         self._reads: Dict[str, List[Service]] = {}  # by whoever has a substitute
         for service in som.may_be_needed():
             if service.policy.substitutes:
                 try:
-                    reads = takeovers.of(service).inputs
+                    reads = plan_of(service).inputs
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))

@@ -1,5 +1,5 @@
 """Plans what would take each service over if its node failed, as healing does."""
-from typing import Collection, Iterable, Optional
+from typing import Callable, Collection, Iterable, Optional
 
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import predictor
@@ -10,18 +10,10 @@ from shsa_core.search.derivation import SourceTable
 SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values
 
 
-class Takeovers:
-    """Plans by all sources; `predictor` is None if no errors are known."""
-
-    def __init__(self, ontology: Ontology, sources: Collection[Source]) -> None:
-        self._ontology = ontology
-        self._table = SourceTable(ontology.network, sources)
-        self.predictor = predictor(ontology, sources)
-
-    def of(self, service: Service) -> Plan:
-        """Return the best plan if the service's node fails. Raises what `plan_service` raises."""
-        question = self._ontology, service, self._table, [service.node]
-        return plan_service(*question, predictor=self.predictor)
+def takeovers(ontology: Ontology, sources: Collection[Source]) -> Callable[[Service], Plan]:
+    """Return what plans for a service whose node fails; it raises what `plan_service` raises."""
+    table, errors = SourceTable(ontology.network, sources), predictor(ontology, sources)
+    return lambda service: plan_service(ontology, service, table, [service.node], predictor=errors)
 
 
 def slowest(service: Service, reads: Iterable[Source]) -> Optional[Source]:

@@ -1,17 +1,7 @@
 """Reads the ontology file (docs/reference/ontology.md describes it)."""
 from functools import partial
-from typing import (
-    Any,
-    Callable,
-    Collection,
-    Dict,
-    Iterable,
-    List,
-    Mapping,
-    Optional,
-    Sequence,
-    Tuple,
-)
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple
+from typing import Optional, Sequence, Set, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
@@ -25,7 +15,6 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
-_Parse = Callable[[str], Expression]
 MOST_ELEMENTS = 10_000
 """Of all vectors and matrices that a file declares."""
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
@@ -57,6 +46,32 @@ def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
     return Ontology(reader.properties, reader.constants, tuple(reader.functions)), reader.errors
 
 
+class _Place(NamedTuple):
+    """The place of an output in a vector of `length`, None: it is a number; `what`: for errors."""
+
+    what: str
+    length: int
+    place: Optional[int]
+    vectors: Vectors
+
+    def read(self, value: Value, key: str, parse: Callable[[str], Any] = parse_expression) -> Any:
+        """Return the expression for this place; of a list the item there."""
+        if self.place is not None and isinstance(value.data, list):
+            if len(value.data) != self.length:
+                raise value.error(f"{key} must have {self.length} items, not {len(value.data)}")
+            value = value.data[self.place]
+        text = value.string(key)
+        try:
+            known = self.vectors
+            return parse(unfold(text, known, self.length, self.place) if known else text)
+        except ExpressionError as error:
+            raise value.error(f"{key}: {error}") from error
+
+    def read_all(self, values: Mapping[str, Value], key: str) -> Dict[str, Expression]:
+        """Return the expressions under some names."""
+        return {name: self.read(value, f"{key}: {name}") for name, value in values.items()}
+
+
 class _Reader:
     """Collects what is valid and what is wrong."""
 
@@ -67,13 +82,15 @@ class _Reader:
         self.errors = errors
         self._vectors: Dict[str, Vector] = {}
         self._elements = 0
+        self._said: Set[str] = set()
 
     def collect(self, add: Callable[[], None]) -> None:
         """Call `add` and keep its ModelError."""
         try:
             add()
         except ModelError as error:
-            self.errors += error.errors
+            self.errors += [each for each in error.errors if str(each) not in self._said]
+            self._said.update(map(str, error.errors))  # each element says the same
 
     def add_property(self, name: str, value: Value) -> None:
         """Add an entry of `properties`."""
@@ -127,17 +144,18 @@ class _Reader:
         if not is_name(relation):
             raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
         directions = dict(outputs.mapping(f"the relation {relation}"))
-        shared: Dict[str, Expression] = {}
-        vectors = dict(self._vectors)
+        shared: Mapping[str, Value] = {}
         if "where" in directions and "where" not in self.properties:
             where = directions.pop("where")
-            given = FUNCTION["where"].reader.read(where, f"{relation}: where")
-            shared = self._steps(given, f"{relation}: where", vectors)
+            shared = FUNCTION["where"].reader.read(where, f"{relation}: where")
         if not directions:
             raise outputs.error(f"the relation {relation} has no output")
         for output, value in directions.items():
-            add = partial(self._add_direction, relation, output, value, shared, vectors)
-            self.collect(add)
+            vector = self._vectors.get(output)
+            what = f"{relation} for {output}"
+            for place, each in enumerate(vector or (output,)):
+                at = _Place(what, len(vector or ()), place if vector else None, self._vectors)
+                self.collect(partial(self._add_function, relation, each, value, shared, at))
 
     def _check_name(self, name: str, value: Value, others: Collection[str]) -> None:
         if not is_name(name):
@@ -146,18 +164,11 @@ class _Reader:
         if name in others or name in self._vectors:
             raise value.error(f"the name '{name}' stands for two things")
 
-    def _add_direction(
-        self,
-        relation: str,
-        output: str,
-        value: Value,
-        shared: Mapping[str, Expression],
-        vectors: Vectors,
+    def _add_function(
+        self, relation: str, output: str, value: Value, shared: Mapping[str, Value], at: "_Place"
     ) -> None:
-        """Add what a relation says of an output: a function, or one for each of its elements."""
-        what = f"{relation} for {output}"
-        outputs = self._vectors.get(output, (output,))
-        if not self.properties.keys() >= set(outputs):
+        what = at.what
+        if output not in self.properties:
             kind = "is a constant" if output in self.constants else "is not in 'properties'"
             raise value.error(f"the relation {relation} yields '{output}', which {kind}")
         entry = value
@@ -170,72 +181,46 @@ class _Reader:
             raise value.error(f"{what}: the key 'inputs' belongs to 'not_executable' alone")
         if "where" in given and "function" not in given:
             raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
-        known, where = dict(vectors), entry.mapping(what).get("where", value)
-        own = self._steps(given.get("where", {}), f"{what}: where", known)
-        few = output in self._vectors or len(own) > len(given.get("where", ()))
-        function, condition, error = (given.get(k) for k in ("function", "constraint", "error"))
-        functions = self._each(output, function, f"{what}: function", known, parse_expression)
-        conditions = self._each(output, condition, f"{what}: constraint", {}, parse_constraint)
-        for each, expression, constraint in zip(outputs, functions, conditions):
-            law: Optional[Law] = None
-            names = [n for of in given.get("inputs", ()) for n in self._vectors.get(of, (of,))]
-            if expression is not None:
-                steps = {**_used(shared, [expression, *own.values()]), **own}
-                try:
-                    law = compose(_used(steps, [expression]) if few else steps, expression)
-                except ExpressionError as wrong:
-                    raise where.error(f"{what}: {wrong}") from wrong
-                names += law.names
-            names += constraint.names if constraint else ()
-            self._check_inputs(names, relation, each, value)
-            self.functions.append(
-                TransferFunction(
-                    relation,
-                    each,
-                    tuple(dict.fromkeys(name for name in names if name in self.properties)),
-                    law,
-                    given.get("quality", quality_of(error)),
-                    constraint,
-                    given["not_executable"] if law is None else law.text,
-                    value.where,
-                    error,
-                )
+        constraint, error = given.get("constraint"), given.get("error")
+        if constraint is not None:
+            constraint = at.read(constraint, f"{what}: constraint", parse_constraint)
+        names = list(given.get("inputs", ()))
+        law: Optional[Law] = None
+        if "function" in given:
+            where = entry.mapping(what).get("where", value)
+            function = at.read(given["function"], f"{what}: function")
+            own = at.read_all(given.get("where", {}), f"{what}: where")
+            steps = at.read_all(shared, f"{relation}: where")
+            steps = {**_used(steps, [function, *own.values()]), **own}
+            law = self._law(what, function, steps, where)
+            names += law.names
+        names += constraint.names if constraint else ()
+        self._check_inputs(names, relation, output, value)
+        self.functions.append(
+            TransferFunction(
+                relation,
+                output,
+                tuple(dict.fromkeys(name for name in names if name in self.properties)),
+                law,
+                given.get("quality", quality_of(error)),
+                constraint,
+                given["not_executable"] if law is None else law.text,
+                value.where,
+                error,
             )
-
-    def _each(
-        self, output: str, value: Optional[Value], key: str, vectors: Vectors, parse: _Parse
-    ) -> Sequence[Any]:
-        """Return the expression for each element of an output; None where there is none."""
-        outputs = self._vectors.get(output, (output,))
-        if value is None:
-            return [None] * len(outputs)
-        found = _unfolded(output, value, key, vectors or self._vectors, parse)
-        if len(found) == len(outputs) and (output in found) is (output in outputs):
-            return list(found.values())
-        if parse is parse_constraint and output in found:
-            return list(found.values()) * len(outputs)  # one for all
-        has, needed = (
-            "a number" if output in names else f"a vector of {len(names)}"
-            for names in (found, outputs)
         )
-        raise value.error(f"{key}: it is {has}, and {output} is {needed}")
 
-    def _steps(
-        self, given: Mapping[str, Value], key: str, vectors: Dict[str, Vector]
-    ) -> Dict[str, Expression]:
-        """Return the values on the way; those that are vectors are added to `vectors`."""
-        steps: Dict[str, Expression] = {}
-        for name, value in given.items():
-            found = _unfolded(name, value, f"{key}: {name}", vectors, parse_expression)
-            if name not in found:
-                vectors[name] = tuple(found)
-            for each in (name, *found):
-                if each in self.properties or each in self.constants or each in self._vectors:
-                    raise value.error(f"{key}: '{each}' is the name of a property or a constant")
-                if each in steps:
-                    raise value.error(f"{key}: '{each}' has a value already")
-            steps.update(found)
-        return steps
+    def _law(
+        self, what: str, function: Expression, steps: Dict[str, Expression], value: Value
+    ) -> Law:
+        for name in steps:
+            if name in self.properties or name in self.constants or name in self._vectors:
+                kind = "constant" if name in self.constants else "property"
+                raise value.error(f"{what}: '{name}' under 'where' is the name of a {kind}")
+        try:
+            return compose(steps, function)
+        except ExpressionError as error:
+            raise value.error(f"{what}: {error}") from error
 
     def _check_inputs(self, names: List[str], relation: str, output: str, value: Value) -> None:
         for name in names:
@@ -246,25 +231,6 @@ class _Reader:
                     f"the relation {relation} uses '{name}', "
                     "which is neither in 'properties' nor in 'constants'"
                 )
-
-
-def _unfolded(
-    name: str, value: Value, key: str, vectors: Vectors, parse: _Parse
-) -> Dict[str, Expression]:
-    """Map a number, or each element of a vector, to its expression, by its name."""
-    parts = value.data if isinstance(value.data, list) else [value]
-    try:
-        texts = [unfold(part.string(key), vectors) for part in parts]
-        if isinstance(value.data, list):
-            if not texts or any(isinstance(each, list) for each in texts):
-                raise value.error(f"{key}: each element in a list must be a number")
-            return {n: parse(str(t)) for n, t in zip(elements(name, len(texts)), texts)}
-        (found,) = texts
-        if isinstance(found, str):
-            return {name: parse(found)}
-        return {n: parse(text) for n, text in zip(elements(name, len(found)), found)}
-    except ExpressionError as error:
-        raise value.error(f"{key}: {error}") from error
 
 
 def _used(steps: Mapping[str, Expression], by: Iterable[Expression]) -> Dict[str, Expression]:

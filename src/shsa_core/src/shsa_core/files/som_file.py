@@ -115,7 +115,7 @@ def merge_parameters(
     """
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
-        return current, [_no_services(value, where)]
+        return current, [ModelError(where, "there is no table of services")]
     keys = from_parameters(dict.fromkeys(value), where)
     errors = list(keys.wrong_keys("the SOM", SOM))
     for key, plain_value in {"hosts": _plain_hosts(current), "act": current.act}.items():
@@ -133,14 +133,6 @@ def merge_parameters(
         except ModelError as error:
             errors += error.errors
     return current.with_services(services.values()), errors
-
-
-def _no_services(value: object, where: str) -> ModelError:
-    try:
-        read_entry(from_parameters(value, where), "the SOM", SOM)
-    except ModelError as error:
-        return error.errors[0]
-    return ModelError(where, "there is no table of services")
 
 
 def _host(name: str, value: Value, services: Collection[str]) -> Host:

@@ -11,8 +11,9 @@ from shsa_learning.report.remedies import Remedies
 from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_learning.report.report import Survival, survival
 from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.takeover import Takeovers
+from shsa_core.analysis.takeover import takeovers
 from shsa_core.codegen.choice import ordered
+from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
@@ -43,7 +44,8 @@ class _Analysis:
         self._som = som
         self._size = size
         self._fragility = Fragility(ontology, som)
-        self._takeovers = Takeovers(ontology, som.sources)
+        self._plan_of = takeovers(ontology, som.sources)
+        self._predictor = predictor(ontology, som.sources)
         self._failures = Failures(ontology.network, som.sources)
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
@@ -82,7 +84,7 @@ class _Analysis:
         refused = ""
         plan = None
         try:
-            plan = self._takeovers.of(service)
+            plan = self._plan_of(service)
         except NoSubstitute as none:
             missing, refused = none.missing, none.refused
         except GenerationError as error:
@@ -128,7 +130,7 @@ class _Analysis:
                 alternative = Alternative(name, relation, rating[4], paths, _nodes(read))
                 found.append((rating[:3], by, alternative))
         found.sort(key=lambda each: each[0])
-        predictor = self._takeovers.predictor
+        predictor = self._predictor
         derivations = [derivation for _, derivation, _ in found]
         errors: Sequence[Optional[Error]] = [None] * len(found)
         order = list(range(len(found)))
