@@ -14,14 +14,8 @@ from shsa_core.analysis.type_check import check_healable, check_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import (
-    GenerationError,
-    ModelError,
-    ModelErrors,
-    NoSubstitute,
-    UnitError,
-    listed,
-)
+from shsa_core.errors import GenerationError, ModelError, ModelErrors, NoSubstitute, UnitError
+from shsa_core.errors import listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands

@@ -7,30 +7,10 @@ from typing import Any, Dict, List, Optional, Tuple, Type, Union
 
 from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.files.document import Value
-from shsa_core.files.readers import (
-    ABOVE_0,
-    HIGHEST,
-    Key,
-    Keys,
-    Reader,
-    basic,
-    flag,
-    interval,
-    list_of,
-    mapping,
-    matching,
-    not_negative,
-    number,
-    number_in,
-    one_of,
-    parsed,
-    positive,
-    read_entry,
-    required,
-    share,
-    text,
-    whole_number,
-)
+from shsa_core.files.readers import ABOVE_0, HIGHEST, Key, Keys, Reader, basic, flag, interval
+from shsa_core.files.readers import list_of, mapping, matching, not_negative, number, number_in
+from shsa_core.files.readers import one_of, parsed, positive, read_entry, required, share, text
+from shsa_core.files.readers import whole_number
 from shsa_core.language.syntax import is_name
 from shsa_core.language.temporal import parse_formula
 from shsa_core.language.vectors import LONGEST, elements
@@ -91,21 +71,16 @@ PROPERTY: Keys = {
 }
 
 
-def _numbers(value: Value, key: str) -> Any:
-    """Return a number, a tuple of them, or tuples of the same length for a matrix."""
-    if not isinstance(value.data, list):
+def _numbers(value: Value, key: str, within: int = 2) -> Any:
+    """Return a number, a tuple of them for a vector, or tuples for the rows of a matrix."""
+    if not isinstance(value.data, list) or not within:
         return value.number(key)
-    found = tuple(_numbers(item, f"an element of {key}") for item in value.data[: LONGEST + 1])
-    shapes = {_shape(each) for each in found}
-    if len(found) > LONGEST or len(shapes) != 1 or len(min(shapes)) > 1:
-        raise value.error(
-            f"{key} must be a number, 1 to {LONGEST} in a list, or a list of rows of equal length"
-        )
+    found = tuple(_numbers(item, f"an element of {key}", within - 1) for item in value.data)
+    lengths = {len(each) if isinstance(each, tuple) else 0 for each in found}
+    if len(lengths) != 1 or len(found) > LONGEST:
+        what = f"1 to {LONGEST} numbers, or rows of the same length"
+        raise value.error(f"{key} must have {what}")
     return found
-
-
-def _shape(found: Any) -> Tuple[int, ...]:
-    return (len(found), *_shape(found[0])) if isinstance(found, tuple) else ()
 
 
 CONSTANT: Keys = {
@@ -193,20 +168,20 @@ _SLICE = re.compile(r"([^()]*)\[(\d{0,6}):(\d{1,6})\]([^()]*)")
 _field = parsed("field of the message", lambda field: str(parse_field(field)))
 
 
-def _fields(value: Value, key: str) -> Union[str, List[str]]:
-    """Return a field, or those of a vector's elements: a list, or a slice."""
+def _fields(value: Value, key: str) -> Dict[str, str]:
+    """Map what the name of a number, or of each element of a vector, ends with to its field."""
     if isinstance(value.data, list):
         items = value.data
     else:
         cut = _SLICE.fullmatch(value.string(key))
         if cut is None:
-            return str(_field.read(value, key))
+            return {"": _field.read(value, key)}
         places = range(int(cut[2] or 0), int(cut[3]))[: LONGEST + 1]
         texts = (f"{cut[1]}[{place}]{cut[4]}" for place in places)
         items = [Value(value.where, each, each) for each in texts]
     if not 0 < len(items) <= LONGEST:
         raise value.error(f"{key} must have 1 to {LONGEST} elements, not {value.describe()}")
-    return [str(_field.read(item, key)) for item in items]
+    return dict(zip(elements("", len(items)), (_field.read(item, key) for item in items)))
 
 
 VALUE: Keys = {
@@ -227,11 +202,6 @@ VALUE: Keys = {
 """A value of a service, under `provides`."""
 
 
-def _places(name: str, field: Union[str, List[str]]) -> Dict[str, str]:
-    """Map a value, or each element of a vector, to its field."""
-    return {name: field} if isinstance(field, str) else dict(zip(elements(name, len(field)), field))
-
-
 def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
     given: Dict[str, Dict[str, Any]] = {}
     errors: List[ModelError] = []
@@ -240,10 +210,10 @@ def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
             if not is_name(name):
                 raise item.error(f"{name!a} cannot be the name of a property")
             keys = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
-            for each, field in _places(name, keys["field"]).items():
-                if each in given:
-                    raise item.error(f"{each} is provided already, as an element of a vector")
-                given[each] = {**keys, "field": field}
+            for end, field in keys["field"].items():
+                if name + end in given:
+                    raise item.error(f"{name}{end} is provided already, as an element of a vector")
+                given[name + end] = {**keys, "field": field}
         except ModelError as error:
             errors += error.errors
     if errors:

@@ -57,7 +57,8 @@ def _places(path: str) -> Iterator[str]:
 def _reason(place: str) -> str:
     status = os.lstat(place)
     if status.st_uid not in (0, os.geteuid()):
-        return f"{place} belongs to {_name(pwd.getpwuid, status.st_uid)}, who is neither root nor who runs this"
+        owner = _name(pwd.getpwuid, status.st_uid)
+        return f"{place} belongs to {owner}, who is neither root nor who runs this"
     mode = status.st_mode
     if stat.S_ISLNK(mode) or (stat.S_ISDIR(mode) and mode & stat.S_ISVTX):
         return ""  # in a folder like /tmp nobody can replace what is another's
