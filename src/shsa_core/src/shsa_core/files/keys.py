@@ -209,11 +209,11 @@ def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
         try:
             if not is_name(name):
                 raise item.error(f"{name!a} cannot be the name of a property")
-            keys = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
+            keys = read_entry(item, f"the property {name}", VALUE)
             for end, field in keys["field"].items():
                 if name + end in given:
                     raise item.error(f"{name}{end} is provided already, as an element of a vector")
-                given[name + end] = {**keys, "field": field}
+                given[name + end] = {**keys, "field": field, "where": item.where}
         except ModelError as error:
             errors += error.errors
     if errors:
