@@ -13,8 +13,8 @@ from shsa_core.ros import diagnostics
 from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust import places, signing
 from shsa_core.ros.trust.computers import OtherComputer
-from shsa_core.ros.trust.proof import Proof, written
-from shsa_core.ros.trust.seal import FOREIGN, TWICE
+from shsa_core.ros.trust.computers import Proof, written
+from shsa_core.ros.trust.signing import FOREIGN, TWICE
 from shsa_core.ros.trust.signing import SENDERS, Signing
 
 AWAIT_S = 20.0

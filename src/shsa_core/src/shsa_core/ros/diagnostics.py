@@ -24,7 +24,7 @@ from shsa_core.ros.trust.computers import OtherComputer
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.agent.remote import HostState
+from shsa_core.ros.agent.all_hosts import HostState
 from shsa_core.text import shown
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
@@ -203,17 +203,17 @@ def healing_rows(given: Healing) -> List[DiagnosticStatus]:
 
 
 def _host_row(host: HostState) -> DiagnosticStatus:
-    name = f"host {host.name}"
-    if host.silent is None:
+    name, seen = f"host {host.name}", host.seen
+    if seen is None:
         return _row(name, WARN, "its agent was not heard yet")
-    level, text = OK, f"{host.load:.1f} of {host.cores:g} cores are busy"
+    level, text = OK, f"{seen.load:.1f} of {seen.cores:g} cores are busy"
     if not host.reached:
         level, text = ERROR, f"it cannot be reached, for {host.silent:.1f} s"
     values = {
-        "busy cores": f"{host.load:.2f}",
-        "cores": f"{host.cores:g}",
-        "sent": f"{host.transmitted:.0f} bytes/s",
-        "received": f"{host.received:.0f} bytes/s",
+        "busy cores": f"{seen.load:.2f}",
+        "cores": f"{seen.cores:g}",
+        "sent": f"{seen.sent:.0f} bytes/s",
+        "received": f"{seen.received:.0f} bytes/s",
         "silent": f"{host.silent:.1f} s",
     }
     return _row(name, level, text, values.items())

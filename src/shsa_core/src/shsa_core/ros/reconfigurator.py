@@ -19,7 +19,6 @@ from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
@@ -28,7 +27,6 @@ from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
@@ -52,8 +50,8 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.maintenance import maintain, maintained
-from shsa_core.ros.node import LOG, run
+from shsa_core.ros.succession import maintain, maintained
+from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
@@ -77,9 +75,7 @@ class ReconfiguratorNode:
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
-        settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
-        for error in errors:
-            rospy.logerr("Refused: %s. The default is used.", error)
+        settings = read_parameters(Settings)
         setup = {
             "ontology": ontology,
             "som": self._usable(som),
@@ -97,12 +93,8 @@ class ReconfiguratorNode:
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
-        self._answer: Handle = self._core.handle
-        self._journal: Optional[JournalWriter] = None
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
-        if journal:
-            self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
-            self._answer = self._journal.recorded(self._answer)
+        self._answer, self._close = recorded(journal, "healing", setup, self._core.handle)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._handover, self._ends = handover, False
@@ -199,20 +191,14 @@ class ReconfiguratorNode:
         self._spins = True
         while not rospy.is_shutdown():
             self._companion.beat()
-            work = self._next()
-            try:
-                work()
-            except Exception as error:  # whatever it is, healing goes on
-                if not rospy.core.is_shutdown_requested():
-                    rospy.logerr("The reconfigurator could not handle an event: %r", error)
+            guarded("The reconfigurator", self._next())
         self._spins = False
         if not self._handover.followed:
             self._stop_all()
         self._incidents.close()
         if self._records is not None:
             self._records.close()
-        if self._journal is not None:
-            self._journal.close()
+        self._close()
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""

@@ -62,7 +62,7 @@ MOST_CALLS = 32
 
 # Tables.
 QUEUE = 200
-"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+"""Messages that wait for a slow subscriber. It misses those beyond, and then begins anew."""
 
 # What rospy is held to.
 MOST_WAITING = 100

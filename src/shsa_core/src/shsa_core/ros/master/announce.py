@@ -12,7 +12,7 @@ from typing import Set, Tuple
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.bus import connected
+from shsa_core.ros.master.node_api import connected
 from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
 from shsa_core.ros.workers import Workers
 

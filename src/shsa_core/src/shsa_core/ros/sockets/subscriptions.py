@@ -15,7 +15,7 @@ import rospy
 
 from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
-from shsa_core.ros.sockets.arrival_times import ArrivalTimes
+from shsa_core.ros.sockets.connection import ArrivalTimes
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.identity import Identified, Identities
 from shsa_core.ros.sockets.inbox import Inbox
