@@ -33,7 +33,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.launch import Handover, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
@@ -101,9 +101,10 @@ class ReconfiguratorNode:
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
-        journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
+        # Beside our own journal.
+        journals = os.path.splitext(journal)[0] + ".substitute_" if journal else ""
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
@@ -124,15 +125,17 @@ class ReconfiguratorNode:
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
-        self._records: Optional[RecordFile] = None
+        self._records: RecordFile
         self._commands = Workers("command", MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
                 **dict.fromkeys(get_args(HostCommand), self._on_host),
-                events.WriteDown: self._write_down,
+                events.WriteDown: lambda c: self._records.write(c.records, c.removed),
                 events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
-                events.AssignSubstitute: self._assigned,
+                events.AssignSubstitute: lambda c: self._put(
+                    events.SubstituteStarted(clock.now(), c.node, self._decided)
+                ),
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
@@ -196,8 +199,7 @@ class ReconfiguratorNode:
         if not self._handover.followed:
             self._stop_all()
         self._incidents.close()
-        if self._records is not None:
-            self._records.close()
+        self._records.close()
         self._close()
 
     def _stop_elsewhere(self, _: str) -> None:
@@ -294,13 +296,6 @@ class ReconfiguratorNode:
         topics = (topic(host) for host in hosts for topic in ends)
         self._master.introduce(*map(rospy.resolve_name, topics))
 
-    def _assigned(self, command: events.AssignSubstitute) -> None:
-        self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
-
-    def _write_down(self, command: events.WriteDown) -> None:
-        assert self._records is not None
-        self._records.write(command.records, command.removed)
-
     def _run_command(self, command: events.RunCommand) -> None:
         """Run a user's program, given as a list and through no shell, and wait for it."""
         service, words = command.service, command.words
@@ -380,40 +375,33 @@ class ReconfiguratorNode:
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
+        self._heard(names.FAILURES, lambda: wire.failure_seen(message))
+
+    def _heard(self, topic: str, read: Callable[[], Event]) -> None:
         try:
-            self._put(wire.failure_seen(message))
+            self._put(read())
         except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
+            rospy.logerr("Refused a message on %s: %s.", topic, error)
 
     def _hear_monitors(self, som: Som) -> None:
-        """Hear the monitors of more computers; no host: the monitor of all others."""
-        for host in ("", *som.hosts):
-            if host not in self._monitors:
-                self._monitors[host] = self._hear_monitor(host, self._signing)
-
-    def _hear_monitor(self, host: str, signing: Signing) -> TableSubscriber:
-        """Hear the monitor of a computer, if it has one."""
-        health, calibrations = (
-            names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
-        )
-        self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
-        TableSubscriber(calibrations, msg.Calibrations, self._calibrated, signing)
-        return TableSubscriber(health, msg.Health, partial(self._health, host), signing)
+        """Hear the monitors of more computers, if they have one; no host: that of all others."""
+        for host in {"", *som.hosts} - self._monitors.keys():
+            health, calibrations = (
+                names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
+            )
+            self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
+            TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
+            heard = partial(self._health, host)
+            self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
         before = self._health_began.get(host, 0)
         anew = before not in (0, message.began)  # another monitor
         self._health_began[host] = message.began
-        try:
-            self._put(wire.health_seen(message, anew, host))
-        except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
+        self._heard(names.HEALTH, lambda: wire.health_seen(message, anew, host))
 
     def _calibrated(self, message: msg.Calibrations) -> None:
-        try:
-            self._put(wire.calibrations_heard(message))
-        except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.CALIBRATIONS, error)
+        self._heard(names.CALIBRATIONS, lambda: wire.calibrations_heard(message))
 
 
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
@@ -430,11 +418,6 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
-
-
-def _substitute_journals(journal: str) -> str:
-    """Return the prefix of the substitutes' journals, beside the reconfigurator's own."""
-    return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, recorded, run
 from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes import priority
-from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer, hears
+from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
@@ -63,7 +63,7 @@ class SubstituteNode:
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")
-        self._heart = Heart(hearer(self._host))
+        self._heart, self._to_monitor = Heart(hearer(self._host)), Heart(MONITOR)
         self._outputs = Outputs(
             lambda topic: put(events.Advertised(self._clock.now(), topic)),
             lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
@@ -88,8 +88,13 @@ class SubstituteNode:
                 ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
-                events.Announce: self._announce,
-                events.Remind: self._remind,
+                events.Announce: lambda c: self._call(
+                    f"announcing {c.topic}", lambda: announce.announce(c.topic, c.type)
+                ),
+                events.Remind: lambda c: self._call(
+                    f"telling the subscribers of {', '.join(c.topics)} who publishes them",
+                    lambda: announce.remind(c.topics, self._outputs.connected),
+                ),
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.LookAtHealer: self._look_at_healer,
@@ -130,9 +135,9 @@ class SubstituteNode:
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
                 self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > settings.ALONE_S and not alone:
+            if self._heart.unheard > settings.LONGEST_PAUSE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > settings.ALONE_S
+            alone = self._heart.unheard > settings.LONGEST_PAUSE_S
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
@@ -170,7 +175,8 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        alone = not self._heart.beat(at_once=True) or not (self._host or hears(MONITOR))
+        near = self._host or self._to_monitor.beat(at_once=True)
+        alone = not self._heart.beat(at_once=True) or not near
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _look_at_healer(self, _: events.LookAtHealer) -> None:
@@ -182,6 +188,9 @@ class SubstituteNode:
         row, now = command.row, self._clock.now()
         last, ros_time = last_message(row), clock.ros_ns()
         self._changed(events.RowChanged(now, row, unusable(row), last, ros_time))
+
+    def _give_up(self, command: events.GiveUp) -> None:
+        raise ShsaError(command.reason)
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
@@ -203,18 +212,6 @@ class SubstituteNode:
             # A value that the message cannot hold is no value.
             topic = command.outputs[0].topic
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
-
-    def _announce(self, command: events.Announce) -> None:
-        self._call(
-            f"announcing {command.topic}",
-            lambda: announce.announce(command.topic, command.type),
-        )
-
-    def _remind(self, command: events.Remind) -> None:
-        self._call(
-            f"telling the subscribers of {', '.join(command.topics)} who publishes them",
-            lambda: announce.remind(command.topics, self._outputs.connected),
-        )
 
     def _call(self, what: str, call: Callable[[], None]) -> None:
         def guarded() -> None:
@@ -253,9 +250,6 @@ class SubstituteNode:
         sign = self._signing.signer(names.FAILURES, msg.Failure)
         publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
         return lambda failure: publisher.publish(sign(failure))
-
-    def _give_up(self, command: events.GiveUp) -> None:
-        raise ShsaError(command.reason)
 
 
 class RowReader:

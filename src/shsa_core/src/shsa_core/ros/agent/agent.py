@@ -21,7 +21,7 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.launch import Handover, await_turn
 from shsa_core.ros.processes.heartbeats import Signs, hearer
 from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostEvent, read, written
 from shsa_core.ros.processes.local import LocalHost

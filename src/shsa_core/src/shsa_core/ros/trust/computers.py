@@ -46,20 +46,6 @@ class NoAnswer(ShsaError):
     """A node does not answer: it may the next time."""
 
 
-class OtherComputer(NamedTuple):
-    """A computer as people want to see it; times in s.
-
-    `offset`: the lead of its wall clock over ours, known within `bound`, measured `age` ago.
-    """
-
-    host: str
-    address: str
-    offset: float
-    bound: float
-    round_trip: float
-    age: float
-
-
 class Met(NamedTuple):
     """A computer has proved itself, in answer to a question of ours; times in ns.
 
@@ -78,11 +64,6 @@ class Met(NamedTuple):
     @property
     def round_trip(self) -> int:
         return self.answered - self.asked
-
-    def seen(self, now: int) -> OtherComputer:
-        """Return its computer as people want to see it."""
-        trip, age = self.round_trip / 1e9, (now - self.answered) / 1e9
-        return OtherComputer(self.host, self.address, self.ahead / 1e9, trip / 2, trip, age)
 
 
 Ask = Callable[[str], Met]
@@ -186,13 +167,12 @@ class Computers:
         computer.speaker = sender
         return computer.ours(sent)
 
-    def seen(self) -> List[OtherComputer]:
-        """Every other computer that is known: of each address the newest boot."""
-        now = self._clock()
+    def seen(self) -> List[Met]:
+        """Return the newest proof of each other computer that is known, by its address."""
         with self._lock:
             found = [each.met for each in self._known.values() if each.met is not None]
         newest = {(met.host, met.address): met for met in sorted(found, key=lambda m: m.answered)}
-        return [met.seen(now) for _, met in sorted(newest.items())]
+        return [met for _, met in sorted(newest.items())]
 
     def renew(self) -> float:
         """Measure the clocks that are due; for how long in s none will be. Waits for answers."""

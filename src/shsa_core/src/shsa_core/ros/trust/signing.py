@@ -179,14 +179,14 @@ class Refusals:
         self._lock = threading.Lock()
 
     def note(self, topic: str, sender: str, why: str) -> bool:
-        """Count a message, say so once in SAY_AGAIN_S; True: it was said now. From any thread."""
+        """Count a message, say so once in LONGEST_PAUSE_S; True: it was said now."""
         key = topic, ascii(sender[:LONGEST_NAME])[1:-1], why
         now = time.monotonic()
         with self._lock:
             if key not in self._counts and len(self._counts) >= SENDERS:
                 key = topic, "others", why
-            count, said = self._counts.get(key, (0, -settings.SAY_AGAIN_S))
-            count, again = count + 1, now >= said + settings.SAY_AGAIN_S
+            count, said = self._counts.get(key, (0, -settings.LONGEST_PAUSE_S))
+            count, again = count + 1, now >= said + settings.LONGEST_PAUSE_S
             self._counts[key] = count, now if again else said
         if not again:
             return False
