@@ -100,7 +100,6 @@ class MonitorNode:
         self._subscribe_at = 0.0
         self._looked = self._told_clock = self._fed = clock.now()
         self._ahead = 0.0
-        self._ends = False
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
             lambda: self._inbox.put(self._report),
@@ -159,8 +158,7 @@ class MonitorNode:
 
         Who stops because of that stops after it was told to, and so after the launch has said it.
         """
-        if not self._ends and self._launch.ending():
-            self._ends = True
+        if self._launch.ending():
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
         nodes = self._launches.ending()

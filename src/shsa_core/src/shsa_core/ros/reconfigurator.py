@@ -33,7 +33,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.launch import Handover, await_turn
+from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
@@ -69,7 +69,7 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
+    def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._said: List[Problem] = []
@@ -97,7 +97,7 @@ class ReconfiguratorNode:
         self._answer, self._close = recorded(journal, "healing", setup, self._core.handle)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._handover, self._ends = handover, False
+        self._followed = followed
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
@@ -196,7 +196,7 @@ class ReconfiguratorNode:
             self._companion.beat()
             guarded("The reconfigurator", self._next())
         self._spins = False
-        if not self._handover.followed:
+        if not self._followed():
             self._stop_all()
         self._incidents.close()
         self._records.close()
@@ -204,7 +204,7 @@ class ReconfiguratorNode:
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._hosts.names and not self._handover.followed:
+        if self._spins and self._hosts.names and not self._followed():
             self._queue.put(self._stop_all)
             self._stopped.wait(settings.ANSWER_S)
 
@@ -262,8 +262,7 @@ class ReconfiguratorNode:
         self._queue.put(lambda: self._handle(event))
 
     def _handle(self, event: Event) -> None:
-        if not self._ends and self._launch.ending():
-            self._ends = True
+        if self._launch.ending():
             self._decide(events.LaunchEnding(event.time))
         self._decide(event)
 
@@ -443,5 +442,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    handover = Handover()
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments, handover).spin())
+    followed = hear_successor()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, followed).spin())

@@ -10,6 +10,7 @@ import shlex
 import sys
 import threading
 import time
+from typing import Callable
 
 import rospy
 from shsa_msgs import msg
@@ -21,7 +22,7 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.launch import Handover, await_turn
+from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import Signs, hearer
 from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostEvent, read, written
 from shsa_core.ros.processes.local import LocalHost
@@ -73,7 +74,7 @@ class AgentEnd:
 class AgentNode:
     """Takes commands from the reconfigurator alone, by their signature."""
 
-    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
+    def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._name = arguments.name
         if not NAME.fullmatch(self._name):
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
@@ -96,7 +97,7 @@ class AgentNode:
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._handover = handover
+        self._followed = followed
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -112,7 +113,7 @@ class AgentNode:
             self._beat()
             if self._forgotten.wait(settings.HEARTBEAT_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
-        if not self._handover.followed:
+        if not self._followed():
             self._host.stop_all()
 
     def _cut_off(self) -> bool:
@@ -194,5 +195,5 @@ def main() -> None:
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)
-    handover = Handover()
-    run(node, lambda: AgentNode(arguments, handover).spin())
+    followed = hear_successor()
+    run(node, lambda: AgentNode(arguments, followed).spin())

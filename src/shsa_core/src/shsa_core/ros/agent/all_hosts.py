@@ -7,6 +7,7 @@ What is wanted of a computer that cannot be reached is answered at once, with wh
 nothing.
 """
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple, Type
@@ -21,6 +22,7 @@ from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.node import publish
+from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.host import COMMANDS, EVENTS, Host, HostCommand, HostEvent, NodeCommand
 from shsa_core.ros.processes.host import not_done, read, written
 from shsa_core.ros.trust.signing import Signing
@@ -128,7 +130,9 @@ class RemoteHost:
             if not self.is_reached:
                 self._reach(message, now)
             if message.event:
-                self._happened(message.event, now)
+                with suppress(ModelError):
+                    event = read(EVENTS, message.event, f"the agent of {self.name}")
+                    self._tell(self._ours(event, now))
             else:
                 self._tell(self._seen)
         elif self.is_reached or message.session > self._session:
@@ -175,13 +179,6 @@ class RemoteHost:
                 self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in [each for each in self._found if each not in self._wanted]:
             self._send(self._found[node])
-
-    def _happened(self, text: str, now: float) -> None:
-        try:
-            event = read(EVENTS, text, f"the agent of {self.name}")
-        except ModelError:
-            return
-        self._tell(self._ours(event, now))
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
         """Return an event by our clock; nothing waits for it any more."""
@@ -280,9 +277,7 @@ class AllHosts:
         Waits for the agents that are registered, and for nobody where there are none.
         """
         wanted = self._registered()
-        deadline = clock.now() + settings.ANSWER_S
-        while clock.now() < deadline and not all(self._remote[n].is_reached for n in wanted):
-            rospy.rostime.wallsleep(settings.TICK_S / 5)
+        kernel.wait_for(lambda: all(self._remote[n].is_reached for n in wanted), settings.ANSWER_S)
         with self._lock:
             found = {node: name for name, host in self._remote.items() for node in host.take_up()}
         self._homes.update(found)
@@ -295,9 +290,7 @@ class AllHosts:
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        deadline = clock.now() + settings.ANSWER_S
-        while clock.now() < deadline and not all(h.is_quiet for h in self._remote.values()):
-            rospy.rostime.wallsleep(settings.TICK_S)
+        kernel.wait_for(lambda: all(h.is_quiet for h in self._remote.values()), settings.ANSWER_S)
 
     # Where each command goes.
 

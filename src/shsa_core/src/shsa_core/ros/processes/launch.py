@@ -16,7 +16,7 @@ import re
 import sys
 import threading
 import time
-from typing import BinaryIO, Dict, Optional, Set, Tuple
+from typing import BinaryIO, Callable, Dict, List, Optional, Set, Tuple
 
 import rosgraph
 import rosgraph.names
@@ -54,10 +54,11 @@ class Launch:
         self._ends = False
 
     def ending(self) -> bool:
-        """Return whether it or this node is shutting down. Costs a microsecond; asks nobody."""
-        if not self._ends:
-            tells = self._log is not None and self._log[1].tells()
-            self._ends = bool(rospy.core.is_shutdown_requested()) or tells
+        """Return, once, that it or this node is shutting down. Costs a microsecond; asks nobody."""
+        if self._ends:
+            return False
+        tells = self._log is not None and self._log[1].tells()
+        self._ends = bool(rospy.core.is_shutdown_requested()) or tells
         return self._ends
 
 
@@ -194,20 +195,13 @@ def _full_name(name: str) -> str:
     return str(rosgraph.names.ns_join(namespace, mappings.get("__name", name)))
 
 
-class Handover:
-    """Hears why this node ends; to be made before the node is initialised.
+def hear_successor() -> Callable[[], bool]:
+    """Return what tells, once this node ends, that our launch starts another one in its place.
 
-    Anybody may ask for it by our API, or by taking our name, and as soon as we have registered.
+    Then what publishes goes on. To be called before the node is initialised: anybody may ask it to
+    end by our API, or by taking our name, and as soon as we have registered.
     """
-
-    def __init__(self) -> None:
-        self._asked = False
-        rospy.core.add_preshutdown_hook(self._told)
-
-    @property
-    def followed(self) -> bool:
-        """True if our launch starts another one: then what publishes goes on."""
-        return self._asked and kernel.started_by_launch(os.getpid())
-
-    def _told(self, reason: str) -> None:
-        self._asked = reason.startswith(ASKED_BY_API)
+    reasons: List[str] = []
+    rospy.core.add_preshutdown_hook(reasons.append)
+    asked = lambda: any(each.startswith(ASKED_BY_API) for each in reasons)
+    return lambda: asked() and kernel.started_by_launch(os.getpid())

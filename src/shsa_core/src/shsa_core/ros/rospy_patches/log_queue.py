@@ -11,7 +11,7 @@ import queue
 import sys
 import threading
 from contextlib import suppress
-from typing import List, Optional, Sequence, Set, TextIO, Tuple
+from typing import Any, List, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
@@ -79,7 +79,7 @@ def say_failures_once() -> None:
     logging.FileHandler._open = _opened  # type: ignore
 
 
-def _opened(handler: logging.FileHandler) -> TextIO:
+def _opened(handler: logging.FileHandler) -> Any:
     here = lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     try:
         return open(handler.baseFilename, handler.mode, encoding=handler.encoding, opener=here)

@@ -207,8 +207,8 @@ def calibration_row_key(row: msg.Calibration) -> str:
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
     """Return the event of a message on shsa/substitutions, as far as it concerns the monitor."""
-    rows = map(substitution_row, table.substitutions)
-    rows = tuple(replace(row, last_message=b"", template=b"") for row in rows)
+    found = map(substitution_row, table.substitutions)
+    rows = tuple(replace(row, last_message=b"", template=b"") for row in found)
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
 

@@ -78,7 +78,8 @@ def read(
 
     Stamps are moments `by` a clock. Raises ShsaError if a word is none.
     """
-    readers = _readers(kind, type(message))
+    kinds: Any = kind, type(message)
+    readers = _readers(*kinds)
     same = {n: reader(getattr(message, n), by) for n, reader in readers.items() if n not in others}
     return kind(**same, **others)
 
