@@ -1,6 +1,5 @@
 """Between the events and commands of monitor and reconfigurator and the messages of shsa_msgs."""
 import json
-from dataclasses import replace
 from math import isfinite
 from typing import Any, Dict, Tuple
 
@@ -15,13 +14,14 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.model.substitution import Program
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.calibration import SOURCE
 from shsa_core.monitoring.events import CalibrationRow, FormerlyHealthy, Key, PublisherHealth
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
-from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, substitution_row, word_of
+from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
 from shsa_core.text import shown
 
 
@@ -207,9 +207,24 @@ def calibration_row_key(row: msg.Calibration) -> str:
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
     """Return the event of a message on shsa/substitutions, as far as it concerns the monitor."""
-    found = map(substitution_row, table.substitutions)
-    rows = tuple(replace(row, last_message=b"", template=b"") for row in found)
+    rows = tuple(map(_seen_by_monitor, table.substitutions))
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
+
+
+def _seen_by_monitor(row: msg.Substitution) -> Substitution:
+    """Return of a row what the monitor heeds: what else changes in it is no change there."""
+    return Substitution(
+        row.node,
+        row.service,
+        (),
+        "",
+        tuple(Signal(each.topic, each.field, "", "", None, None) for each in row.outputs),
+        quality=row.quality,
+        publishing=row.publishing,
+        bridge=row.bridge,
+        gated=row.gated,
+        shared=row.shared,
+    )
 
 
 def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
