@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Callable, Iterable, Iterator, List, Optional, Set, Tuple, Union
 
 import rospy
@@ -63,7 +63,7 @@ class SubstituteNode:
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")
-        self._heart, self._to_monitor = Heart(hearer(self._host)), Heart(MONITOR)
+        self._heart = Heart(hearer(self._host))
         self._outputs = Outputs(
             lambda topic: put(events.Advertised(self._clock.now(), topic)),
             lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
@@ -172,6 +172,11 @@ class SubstituteNode:
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
             self._register(partial(self._inputs.listen, signal))
+
+    @cached_property
+    def _to_monitor(self) -> Heart:
+        """Beats to the monitor: only who fills in need know whether it is there."""
+        return Heart(MONITOR)
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
