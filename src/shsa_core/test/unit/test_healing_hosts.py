@@ -4,7 +4,7 @@ from core_robot import A, C, Robot, has, last_incident, only, publishing, servic
 from hosts_robot import BOARD, PI, distributed, lost, seen, som, stopped, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.cost import cores
+from shsa_core.model.cost import cost
 from shsa_core.model.host import Host, Placement
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
@@ -54,7 +54,7 @@ def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None
 
 def test_what_was_just_placed_counts_before_the_load_shows_it() -> None:
     a, b, c = som(placement=Placement(prefer=(BOARD,)))
-    hosts = [Host(PI), Host(BOARD, 1.5 * cores([b], a))]
+    hosts = [Host(PI), Host(BOARD, 1.5 * cost([b], a, ()).cores)]
     two = replace(a, name="a2", topic="/a2", node="/a2_node")
     robot = Robot(Som([a, two, b, c], hosts))
     seen(robot, 9.9, BOARD, load=0.0)

@@ -9,7 +9,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing.events import HostLost, HostSeen
 from shsa_core.healing.placement import HERE, Computers, Place, Placement
 from shsa_core.healing.settings import SETTLE_S, Settings
-from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cores, cost, rate, traffic
+from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cost, rate, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.host import Placement as Wanted
 from shsa_core.model.service import Service
@@ -41,6 +41,11 @@ def placed(
         known.lose(HostLost(0.5, lost, "silent"))
     placement = Placement(known, lambda host, _: lately.get(host, []), lambda: som)
     return placement.place(time, a, placement.inputs(plan(som)), BOOK, idle)
+
+
+def cores(inputs: Iterable[Service], output: Service) -> float:
+    """The share of a core that a substitute takes."""
+    return cost(inputs, output, ()).cores
 
 
 def plan(som: Som) -> Plan:
