@@ -35,9 +35,8 @@ class Case:
     when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
     own. `together`: how many nodes are late, or out of range, with it, itself included.
     `confirmed`: what others tell is as far out of range. `fed_wrong`: what it is computed from is
-    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `subscribed`:
-    its topic is. `robot_came`: some node of the robot was there. `formerly`: it did well under a
-    former monitor.
+    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `robot_came`:
+    some node of the robot was there. `formerly`: it did well under a former monitor.
     """
 
     blame: Blame
@@ -55,7 +54,6 @@ class Case:
     fed_wrong: bool = False
     fed_slowly: bool = False
     fed_anew: bool = False
-    subscribed: bool = True
     robot_came: bool = True
     formerly: bool = False
 
@@ -146,7 +144,6 @@ ROWS = (
         (Blame.VALUE,),
         lambda case: case.fed_anew,
     ),
-    Row("its topic is not subscribed yet", _START, lambda case: not case.subscribed),
     Row(
         "others that did well before are not connected yet, either",
         _START,

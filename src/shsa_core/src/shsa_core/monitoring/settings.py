@@ -93,8 +93,6 @@ LEARN_GAPS, LEARN_SHARE = 1000, 1e-3
 """So many gaps, and so much of the mean time between false alarms, must have been seen."""
 SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
-TAIL_LOOK_S = 10.0
-"""The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
 
 # What is kept and told.
 MESSAGES_KEPT = 20
@@ -105,8 +103,6 @@ OLDEST_MESSAGE_S = 60.0
 """An older message is not handed out."""
 BRIDGES_APART = 2.0
 """After so many of a substitute's bridges without a message of its it is another time."""
-TELL_S = 60.0
-"""People are told that a substitute filled in at the first time, and then so often at most."""
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2
@@ -145,8 +141,8 @@ SEARCH_S = 0.5
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
 REFRESH_S = 2.0
-"""Between two looks at what a program has learned, one takes 60 us, and at which services are
-there."""
+"""Between two looks at what a program has learned, one takes 60 us, at the gaps of a stream, and at
+which services are there."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1
