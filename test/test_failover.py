@@ -140,6 +140,19 @@ def test_what_this_version_does_not_know_is_left_out_and_said(
     assert "hot, no bridge, SIGSTOP" in capsys.readouterr().out
 
 
+def test_without_rosmon_its_row_is_left_out_and_said(
+    capsys: "pytest.CaptureFixture[str]", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    assert failover.wanted(["rosmon"], short=False) == []
+    assert "Left out: rosmon, rospy." in capsys.readouterr().out
+    (tmp_path / "rosmon_core").mkdir()
+    (tmp_path / "rosmon_core" / "package.xml").write_text(
+        "<package><name>rosmon_core</name></package>"
+    )
+    assert [row.name for row in failover.wanted(["rosmon"], short=False)] == ["rosmon, rospy"]
+
+
 def test_goals_and_picture_of_what_was_measured(
     tmp_path: Path, capsys: "pytest.CaptureFixture[str]"
 ) -> None:

@@ -2,7 +2,7 @@
 import os
 import signal
 import time
-from typing import Callable, Protocol, TypeVar
+from typing import Callable, Protocol, Sequence, TypeVar
 
 from tqdm import tqdm
 
@@ -133,7 +133,7 @@ class Healed:
 
 
 class Respawned:
-    """A node under roslaunch's `respawn="true"`, and no healing.
+    """A node under `respawn="true"` of a launch `program`, and no healing.
 
     `patience` in s: how long a failure is watched that roslaunch does not see.
     """
@@ -147,6 +147,7 @@ class Respawned:
         executable: str,
         fault: Fault = FAULTS["kill -9"],
         patience: float = WAITED_S,
+        program: Sequence[str] = ("roslaunch",),
     ) -> None:
         self._consumers = consumers
         self._fault = fault
@@ -160,7 +161,7 @@ class Respawned:
         names = {"package": package, "executable": executable, "name": NODE[1:]}
         path.write_text(LAUNCH.format(arguments=arguments, **names))
         self._commands = FaultHandle(NODE)
-        self._launch = graph.start("roslaunch", str(path))
+        self._launch = graph.start(*program, str(path))
 
     def await_well(self) -> None:
         wait_until(lambda: node_process(NODE) is not None, PATIENCE_S, "the node is up")

@@ -1,7 +1,8 @@
 """The outage at a consumer when a node fails, with substitutes and without healing.
 
 Every fault that ends in silence is measured with a hot substitute, with `bridge` and without, and
-beside it what ROS alone does, `respawn="true"`; the crash with warm and cold ones as well.
+beside it what ROS alone does, `respawn="true"`; the crash with warm and cold ones as well, and
+beside rosmon where ROS_PACKAGE_PATH has it.
 
 An outage is the longest pause between two good messages, from the last one before a failure until
 the topic is as it was, by the monotonic clock of the consumer. A fault that nobody answers is
@@ -16,6 +17,7 @@ import time
 from pathlib import Path
 from typing import Callable, Dict, List, Sequence, Tuple
 
+import rospkg
 from tqdm import tqdm
 
 from contenders import WAITED_S, ByHand, Contender, Healed, Respawned, repeat
@@ -27,6 +29,7 @@ from failover_rows import (
     HOT,
     NO_BRIDGE,
     RESPAWNED,
+    ROSMON,
     ROWS,
     SHORT,
     UNANSWERED,
@@ -40,6 +43,7 @@ from takeover import STEPS, Takeover, from_words
 
 COLUMNS = ("row", "number", *Takeover._fields)
 SHORT_WAIT_S = 1.0
+ROSMON_PROGRAM = ("rosrun", "rosmon_core", "rosmon", "--disable-ui")
 Takeovers = Dict[str, List[Takeover]]
 """By the name of the row."""
 
@@ -173,7 +177,8 @@ class Bench:
             return Healed(graph, consumers, row.help, row.period, fault, **row.som)
         if row.help == BY_HAND:
             return ByHand(graph, consumers)
-        return Respawned(graph, consumers, RESPAWNED[row.help], fault, self._patience)
+        program = ROSMON_PROGRAM if row.help == ROSMON else ("roslaunch",)
+        return Respawned(graph, consumers, RESPAWNED[row.help], fault, self._patience, program)
 
 
 def wanted(only: Sequence[str], short: bool) -> List[Row]:
@@ -185,6 +190,9 @@ def wanted(only: Sequence[str], short: bool) -> List[Row]:
         for key in row.unknown:
             print(f"Left out: {row.name}. The SOM of this version does not know `{key}`.")
     known = [row for row in rows if not row.unknown]
+    if Row(ROSMON) in known and "rosmon_core" not in rospkg.RosPack().list():
+        print(f"Left out: {ROSMON}. There is no rosmon on ROS_PACKAGE_PATH.")
+        known = [row for row in known if row.help != ROSMON]
     return sorted(known, key=lambda row: row.applications)
 
 

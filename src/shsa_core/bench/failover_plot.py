@@ -17,6 +17,7 @@ COLOURS = {
     "cold": "tab:purple",
     "respawn, rospy": "tab:orange",
     "respawn, roscpp": "tab:brown",
+    "rosmon, rospy": "tab:pink",
 }
 OTHER = "tab:gray"
 WORDS: Dict[str, Any] = {

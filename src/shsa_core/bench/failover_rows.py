@@ -7,7 +7,12 @@ from shsa_core.files.keys import SERVICE
 
 HOT, WARM, COLD = "hot", "warm", "cold"
 BY_HAND = "rosrun by hand, rospy"
-RESPAWNED = {"respawn, rospy": "faulty_publisher", "respawn, roscpp": "bench_talker"}
+ROSMON = "rosmon, rospy"
+RESPAWNED = {
+    "respawn, rospy": "faulty_publisher",
+    "respawn, roscpp": "bench_talker",
+    ROSMON: "faulty_publisher",
+}
 UNANSWERED = 5
 """Failures that nobody answers are waited for as often at most."""
 NO_BRIDGE: Mapping[str, object] = {"bridge": False}
@@ -95,6 +100,7 @@ ROWS = (
     *of_fault("kill -9")[:3],
     *CRASHES,
     *of_fault("kill -9")[3:],
+    Row(ROSMON),
     *(row for fault in SILENT[1:] for row in of_fault(fault)),
     *(row for fault in WRONG for row in of_values(fault)),
 )

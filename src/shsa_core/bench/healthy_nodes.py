@@ -5,13 +5,15 @@
 A base, an arm and a drone live side by side for M minutes, each with a master and healing of its
 own: they reverse, stand still and saturate; nodes crash, leave and are started again, are held up,
 or wait for busy processes; subscribers come and go. Rosbags that were recorded meanwhile are then
-played at other rates in place of the nodes. Writes healthy_nodes.csv and healthy_nodes_goals.csv;
-ends with status 1 if anything was done to a healthy node.
+played at other rates in place of the nodes. A silence that the stamps of a node's own messages show
+too, as it had no processor for as long, is told, and is no false alarm. Writes healthy_nodes.csv
+and healthy_nodes_goals.csv; ends with status 1 if anything was done to a healthy node.
 """
 import argparse
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -22,11 +24,13 @@ from random import Random
 from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
 import rospy
+from roslib.message import get_message_class
 
 from graph import Graph, ask_to_leave, shut_down
 from healthy_robots import DONE, verdict
 from probe import STARTUP_S
 from shsa_core.files.som_file import load_som
+from shsa_core.model.service import Deadlines, Service
 from shsa_testing.healing import HealedRobot
 from shsa_testing.healthy_robots import LIVES, ROBOTS
 from shsa_testing.waiting import wait_until
@@ -40,12 +44,15 @@ DOWN_S = (0.3, 1.0, 5.0)
 SETTLED_S = 3.0
 """After a node is available again: until then its absence may still be told."""
 LOOK_S, ENDING_S = 0.05, 0.5
+AFTER_S = 1.0
+"""So long after a silence something may still be told of it."""
 
 
 class Row(NamedTuple):
     """What happened to a robot; `rate`: of the rosbag that is played, 1 of a robot that lives.
 
-    `failures`: incidents that told of nodes that were gone; the last three are to be 0.
+    `failures`: incidents that told of nodes that were gone; `silent`: of silences that were true;
+    the last three are to be 0.
     """
 
     robot: str
@@ -55,9 +62,22 @@ class Row(NamedTuple):
     messages: int
     restarts: int
     failures: int
+    silent: int
     killed: int
     replaced: int
     blamed: int
+
+
+class Told(NamedTuple):
+    """Something that was done to a node that does well; `time`: in s, monotonic and since 1970.
+
+    `silent`: because of a silence, maybe, of its `topic`.
+    """
+
+    time: Tuple[float, float]
+    text: str
+    topic: str
+    silent: bool
 
 
 class Life:
@@ -70,20 +90,49 @@ class Life:
         self.som, errors = load_som(str(self.path))
         assert not errors
         self.began, self.restarts, self.messages = time.time(), 0, 0
-        self.told: Dict[str, List[Tuple[float, str]]] = {each: [] for each in DONE}
+        self.told: Dict[str, List[Told]] = {each: [] for each in DONE}
+        self.silences: Set[Tuple[str, float, float]] = set()
         self.bag = bag
         self._heard = 0.0
+        self._newest: Dict[str, float] = {}
         self._gone: Dict[str, float] = {}
         self._seen: Set[object] = set()
         self._processes: Dict[str, "subprocess.Popen[str]"] = {}
         self._consumers: Dict[str, rospy.Subscriber] = {}
         self.robot = HealedRobot()
         for each in self.som:
-            rospy.Subscriber(each.topic, rospy.AnyMsg, self._count)
+            rospy.Subscriber(each.topic, rospy.AnyMsg, self._count, each)
 
-    def _count(self, message: rospy.AnyMsg) -> None:
+    def _count(self, message: rospy.AnyMsg, service: Service) -> None:
         self.messages += 1
         self._heard = time.monotonic()
+        if message._connection_header["callerid"] != service.node:
+            return
+        allowed = Deadlines().of(service)
+        if allowed is None or not get_message_class(service.type)._has_header:
+            return
+        seconds, nanoseconds = struct.unpack_from("<II", message._buff, 4)
+        stamp = seconds + 1e-9 * nanoseconds
+        before = self._newest.get(service.name, stamp)
+        if stamp - before >= allowed:
+            self.silences.add((service.topic, before, stamp))
+        self._newest[service.name] = stamp
+
+    def excuse(self) -> int:
+        """Forget what was told of true silences; return how many silences these were."""
+        found: Set[object] = set()
+        for what, told in self.told.items():
+            for each in list(told):
+                now = each.time[1]
+                why = {
+                    (t, a, b)
+                    for t, a, b in self.silences
+                    if t == each.topic and a < now < b + AFTER_S
+                }
+                if each.silent and why:
+                    found |= why
+                    told.remove(each)
+        return len(found)
 
     @property
     def nodes(self) -> List[str]:
@@ -123,27 +172,29 @@ class Life:
         well = lambda node: node in self._processes and now > self._gone.get(node, 0.0)
         for node, process in self._processes.items():
             if well(node) and process.poll() is not None:
-                self._note("killed", (node, process.pid), f"{at}: {node}")
+                self._note("killed", (node, process.pid), f"{at}: {node}", "")
         for incident in list(self.robot.incidents.values()):
             if incident.id not in self._seen:
                 self._seen.add(incident.id)
                 if well(incident.faulty_node):
                     told = f"{incident.faulty_node} on {incident.topic}: {incident.kind}"
-                    self._note("blamed", None, f"{at}: {told}: {incident.evidence}")
+                    text, silent = f"{at}: {told}: {incident.evidence}", incident.kind == "silent"
+                    self._note("blamed", None, text, incident.topic, silent)
         for row in self.robot.substitutions:
             node = self.som.services[row.service].node if row.service else ""
             if row.publishing and well(node):
-                self._note("replaced", (row.node, row.service), f"{at}: {row.node} for {node}")
+                text, topic = f"{at}: {row.node} for {node}", self.som.services[row.service].topic
+                self._note("replaced", (row.node, row.service), text, topic, True)
 
-    def _note(self, what: str, key: object, text: str) -> None:
+    def _note(self, what: str, key: object, text: str, topic: str, silent: bool = False) -> None:
         if key is None or key not in self._seen:
             self._seen.add(key)
-            self.told[what].append((time.monotonic(), text))
+            self.told[what].append(Told((time.monotonic(), time.time()), text, topic, silent))
 
     def ended(self) -> None:
         """Forget what was told since the last message of a rosbag: its player had gone."""
         for what, told in self.told.items():
-            self.told[what] = [each for each in told if each[0] < self._heard - ENDING_S]
+            self.told[what] = [each for each in told if each.time[0] < self._heard - ENDING_S]
 
     def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
         """Look until something is so, or some time is over."""
@@ -176,7 +227,7 @@ class Life:
         process = self._processes[node]
         self.wait(STARTUP_S, lambda: process.poll() is not None or self.available(node))
         if process.poll() is not None:
-            self._note("killed", (node, process.pid), f"{node} as it came back")
+            self._note("killed", (node, process.pid), f"{node} as it came back", "")
         self._gone[node] = time.monotonic() + SETTLED_S
 
     def _hold(self) -> None:
@@ -236,13 +287,15 @@ def live(options: argparse.Namespace) -> Row:
             while time.monotonic() < begin + 60.0 * options.minutes:
                 life.event()
         for told in life.told.values():
-            for _, line in told:
-                print(f"{name}, {rate or 1:g}: {line}", file=sys.stderr, flush=True)
-        minutes = round((time.monotonic() - begin) / 60.0, 1)
+            for each in told:
+                print(f"{name}, {rate or 1:g}: {each.text}", file=sys.stderr, flush=True)
         failures = len(life.robot.incidents) - len(life.told["blamed"])
+        silent = 0 if rate else life.excuse()
+        minutes = round((time.monotonic() - begin) / 60.0, 1)
         counts = [len(life.told[what]) for what in DONE]
         ask_to_leave(healing, 30.0)
-    return Row(name, rate or 1.0, clock, minutes, life.messages, life.restarts, failures, *counts)
+        seen = life.messages, life.restarts, failures, silent
+    return Row(name, rate or 1.0, clock, minutes, *seen, *counts)
 
 
 def side_by_side(lives: List[List[str]]) -> List[Row]:

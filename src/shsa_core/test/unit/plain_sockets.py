@@ -36,12 +36,13 @@ class Node:
     """A publisher in plain sockets that does as it is told.
 
     `offers`: it agrees to publish; `answers`: at all; `drops`: so many connections are closed
-    before their header. `listed`: its name at the master, which knows it by no other; empty: none.
+    before their header, and then `refuses` so many with an error. `listed`: its name at the master,
+    which knows it by no other; empty: none.
     """
 
     def __init__(self, topic: str, name: str = "/node", listed: str = "/node") -> None:
         self.topic, self.name = topic, name
-        self.offers, self.answers, self.drops = True, True, 0
+        self.offers, self.answers, self.drops, self.refuses = True, True, 0, 0
         self.asked = 0
         self.connections: List[socket.socket] = []
         self._data = socket.create_server((HOST, 0))
@@ -77,10 +78,16 @@ class Node:
                 made.close()
                 continue
             fields = {"callerid": self.name, "md5sum": "*", "type": "x/Y", "topic": self.topic}
+            if self.refuses:
+                fields = {"error": f"{self.topic} is no topic of this node"}
             lines = [f"{key}={value}".encode() for key, value in fields.items()]
             header = b"".join(struct.pack("<I", len(line)) + line for line in lines)
             self.connections.append(made)  # first: the test may close it as soon as it stands
             made.sendall(struct.pack("<I", len(header)) + header)
+            if self.refuses:
+                self.refuses -= 1
+                self.connections.remove(made)
+                made.close()
 
     def send(self, data: bytes) -> None:
         self.connections[-1].sendall(data)

@@ -92,6 +92,16 @@ def test_a_connection_that_is_dropped_before_it_stands_is_asked_for_again(
     assert monitor.kinds() == ["Connected"] and node.asked == 2
 
 
+def test_a_node_that_refuses_once_is_asked_for_another_connection(
+    monitor: Monitor, node: Node
+) -> None:
+    """Do as a node that has just unregistered the topic, and registers it again."""
+    node.refuses = 1
+    monitor.hear_of(node)
+    monitor.until(lambda: "Connected" in monitor.kinds())
+    assert monitor.kinds() == ["Connected"] and node.asked == 1
+
+
 def test_a_node_that_never_lets_it_stand_is_asked_a_few_times(monitor: Monitor, node: Node) -> None:
     node.drops = 1000
     monitor.hear_of(node)

@@ -2,7 +2,7 @@
 import math
 import resource
 from pathlib import Path
-from typing import Any, List, Tuple
+from typing import Any, List, Sequence, Tuple
 
 import numpy as np
 import psutil
@@ -20,9 +20,8 @@ from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
 from shsa_core.ros.wire import names
 from shsa_learning.explain.bag import read_healing
-from shsa_learning.recordings import bags
+from shsa_learning.recordings import bags, csv_files
 from shsa_learning.recordings.bags import read_bag
-from shsa_learning.recordings import csv_files, reservoir
 from shsa_learning.recordings.csv_files import read_csv
 from shsa_learning.recordings.data import read
 from shsa_learning.recordings.recording import Recording, Series
@@ -389,7 +388,6 @@ def test_csv_times_out_of_order_are_sorted(tmp_path: Path) -> None:
 
 
 def test_of_a_large_file_stretches_of_all_kinds_are_kept(tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr(reservoir, "MOST_ROWS", 2000)
     monkeypatch.setattr(csv_files, "CHUNK_BYTES", 5000)
     time = np.arange(20000) * 0.1
     fast = (time > 900.0) & (time < 990.0)  # hardly ever
@@ -397,29 +395,84 @@ def test_of_a_large_file_stretches_of_all_kinds_are_kept(tmp_path: Path, monkeyp
     path = tmp_path / "drive.csv"
     np.savetxt(str(path), np.column_stack([time, speed]), "%.6g", ",", header="time,v", comments="")
     read_bytes: List[int] = []
-    (series,), notes = read_csv(str(path), True, read_bytes.append)
+    (series,), notes = read_csv(str(path), True, read_bytes.append, 2000)
     assert sum(read_bytes) == path.stat().st_size
     assert len(series) <= 2000 and "of 20000 rows are kept" in notes[0]
     assert np.mean(series.values > 4.0) > 2.0 * np.mean(fast)
     steps = np.diff(series.time)
     assert np.mean(np.abs(steps - 0.1) < 1e-6) > 0.98  # neighbours stay together
-    again, _ = read_csv(str(path))
+    again, _ = read_csv(str(path), most=2000)
     np.testing.assert_array_equal(again[0].time, series.time)
 
 
-def test_of_large_files_of_one_drive_the_same_stretches_are_kept(
-    tmp_path: Path, monkeypatch: Any
-) -> None:
-    monkeypatch.setattr(reservoir, "MOST_ROWS", 2000)
+def test_of_large_files_of_one_drive_the_same_stretches_are_kept(tmp_path: Path) -> None:
     time = np.arange(10000) * 0.1
     kept = []
     for name, values in (("v", np.sin(time)), ("w", np.where(time > 300.0, 7.0, 0.0))):
         path = tmp_path / f"{name}.csv"
         table = np.column_stack([time, values])
         np.savetxt(str(path), table, "%.6g", ",", header=f"time,{name}", comments="")
-        (series,), _ = read_csv(str(path), False)
+        (series,), _ = read_csv(str(path), False, most=2000)
         kept.append(series.time)
     np.testing.assert_array_equal(kept[0], kept[1])
+
+
+FLEET_SOM = som_of(
+    v=("/v", "std_msgs/Float64", "/node", {"speed": "data"}),
+    w=("/w", "std_msgs/Float64", "/node", {"turn": "data"}),
+)
+
+
+def fleet(folder: Path, bags: int, rows: int) -> List[str]:
+    """Write bags of two topics of 10 Hz."""
+    paths = [folder / f"drive_{number}.bag" for number in range(bags)]
+    for number, path in enumerate(paths):
+        with BagWriter(path) as bag:
+            for row in range(rows):
+                bag.floats("/v", [(BEGIN_S + 0.1 * row, float(number))])
+                bag.floats("/w", [(BEGIN_S + 0.1 * row + 0.01, 0.5 * row)])
+    return [str(path) for path in paths]
+
+
+def test_of_a_large_bag_the_same_stretches_of_all_topics_are_kept(tmp_path: Path) -> None:
+    (path,) = fleet(tmp_path, 1, 4000)
+    read_bytes: List[int] = []
+    (recording,) = read([path], FLEET_SOM, step=read_bytes.append, most=1500)
+    assert sum(read_bytes) == Path(path).stat().st_size and len(read_bytes) > 5
+    speed, turn = recording.series
+    assert 1000 <= len(speed) <= 1500 and told(recording, "has 4000 messages: ")
+    np.testing.assert_allclose(turn.time, speed.time + 0.01)
+    np.testing.assert_allclose(turn.values, 5.0 * (speed.time - BEGIN_S), atol=1e-4)
+    (whole,) = read([path], FLEET_SOM, most=4000)
+    assert [len(each) for each in whole.series] == [4000, 4000]
+
+
+def check_fleet(recordings: Sequence[Recording], paths: Sequence[str]) -> None:
+    assert [each.name for each in recordings] == paths
+    for number, recording in enumerate(recordings):
+        assert set(recording.only("speed").values) == {float(number)}
+        assert len(recording.only("turn")) == 30
+
+
+def test_the_bags_of_a_fleet_are_read_side_by_side(tmp_path: Path) -> None:
+    paths = fleet(tmp_path, 5, 30)
+    read_bytes: List[int] = []
+    check_fleet(read(paths, FLEET_SOM, step=read_bytes.append), paths)
+    assert sum(read_bytes) == sum(Path(path).stat().st_size for path in paths)
+    Path(paths[3]).write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(ShsaError, match="drive_3.bag: has no index"):
+        read(paths, FLEET_SOM)
+
+
+def test_the_workers_of_dask_read_the_bags_of_a_fleet(tmp_path: Path, monkeypatch: Any) -> None:
+    distributed = pytest.importorskip("distributed")
+    paths = fleet(tmp_path, 5, 30)
+    own = {"dashboard_address": None, "local_directory": str(tmp_path)}
+    with distributed.LocalCluster(2, threads_per_worker=1, **own) as cluster:
+        check_fleet(read(paths, FLEET_SOM, dask=cluster.scheduler_address), paths)
+    monkeypatch.setattr("shsa_learning.recordings.fleet.ANSWER_S", 0.5)
+    with pytest.raises(ShsaError, match="--dask: no scheduler answers at tcp://127.0.0.1:1"):
+        read(paths, FLEET_SOM, dask="tcp://127.0.0.1:1")
 
 
 @pytest.mark.parametrize("size", [30, 64, 10_000])

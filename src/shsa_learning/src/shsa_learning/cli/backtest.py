@@ -2,6 +2,7 @@
 import argparse
 import json
 import math
+import sys
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.cli._common import say
@@ -68,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     ontology, som = read_models(args)
     if args.property is not None:
         check_property(args.property, ontology, som)
-    recordings = read(args.data, som, ontology)
+    recordings = read(args.data, som, ontology, most=sys.maxsize)
     backtest = Backtest(ontology, som, recordings)
     notes = [f"{each.name}: {note}" for each in recordings for note in each.notes]
     missing = [source.path for source in backtest.unrecorded]

@@ -45,6 +45,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--som", metavar="FILE", help="the service-to-ontology mapping")
     add_namespace(parser)
     parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        default="",
+        help="have the workers of this scheduler of dask read the bags, under the same paths",
+    )
+    parser.add_argument(
         "--from",
         metavar="P,...",
         dest="inputs",
@@ -91,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     som = read_som(args.som, args.namespace) if args.som else None
     size = sum(os.path.getsize(path) for path in files(args.data) if os.path.isfile(path))
     with tqdm(total=size, desc="reading", unit="B", unit_scale=True, **QUIET) as bar:
-        recordings = read(args.data, som, ontology if before else None, bar.update)
+        recordings = read(args.data, som, ontology if before else None, bar.update, args.dask)
     data = gather(recordings, args.property, args.inputs, som)
     with tqdm(total=1.0, desc="learning", bar_format=BAR, **QUIET) as bar:
         learned = learn(

@@ -1,11 +1,12 @@
 """Reads a rosbag by a SOM: what the services said of their properties, and not what healing said.
 
-Message types are those that are built here: rosbag would make a module of the definitions that a
-bag brings along, and run it. Messages of substitutes are left out, by the name of the publisher
-in the bag and by what healing recorded of itself.
+Of a large bag some stretches are kept alone. Message types are those that are built here: rosbag
+would make a module of the definitions that a bag brings along, and run it. Messages of substitutes
+are left out, by the name of the publisher in the bag and by what healing recorded of itself.
 """
 import contextlib
 import math
+import os
 import resource
 import struct
 from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
@@ -26,12 +27,17 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.text import shown
 from shsa_learning.recordings.recording import Recording, Series, ordered, times_of
+from shsa_learning.recordings.reservoir import MOST_ROWS, NO_NUMBER, Reservoir
 
 MAGIC = b"#ROSBAG V"
 SUBSTITUTIONS, INCIDENTS = "/shsa/substitutions", "/shsa/incidents"
 """The ends of the names of healing's own topics, whatever namespace it ran in."""
 
+CHUNK_ROWS = 1000
+"""Messages that are handled together, and between two steps of the progress."""
+
 Fields = Tuple[FieldText, ...]
+Step = Callable[[int], object]
 
 
 def is_bag(path: str) -> bool:
@@ -40,14 +46,17 @@ def is_bag(path: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC or path.endswith(".bag")
 
 
-def read_bag(path: str, som: Som) -> Recording:
+def read_bag(
+    path: str, som: Som, step: Step = lambda size: None, most: int = MOST_ROWS
+) -> Recording:
     """Read a rosbag: a series for each value of each service of the SOM in it.
 
-    Raises ShsaError if it cannot be read, if a topic has another type than the SOM says, or if a
-    type lacks a field.
+    `step` is told of the bytes that are read, as far as that is known; of the messages of a
+    publisher `most` are kept. Raises ShsaError if it cannot be read, if a topic has another type
+    than the SOM says, or if a type lacks a field.
     """
     with opened(path) as bag:
-        return _Reader(path, bag, som).read()
+        return _Reader(path, bag, som, step, most).read()
 
 
 @contextlib.contextmanager
@@ -144,21 +153,43 @@ class Incident(NamedTuple):
 
 
 class _Messages:
-    """The messages of one publisher for one service: stamps, times of recording, values."""
+    """The messages of one publisher for one service: when recorded, their stamps and values."""
 
-    def __init__(self) -> None:
-        self.stamps: List[float] = []
-        self.recorded: List[float] = []
-        self.rows: List[List[Optional[float]]] = []
+    def __init__(self, values: int, most: int) -> None:
+        self._kept = Reservoir(1 + values, False, most)
+        self._new: List[List[float]] = []
+
+    def add(self, recorded: float, stamp: float, values: Sequence[Optional[float]]) -> None:
+        """Add a message; a value may say that it is no number, or not be there."""
+        cells = [
+            math.nan if each is None else each if each == each else NO_NUMBER for each in values
+        ]
+        self._new.append([recorded, stamp, *cells])
+        if len(self._new) >= CHUNK_ROWS:
+            self._flush()
+
+    def table(self) -> np.ndarray:
+        """Return what is kept, a row a message."""
+        self._flush()
+        return self._kept.table()
+
+    def __len__(self) -> int:
+        return self._kept.rows + len(self._new)
+
+    def _flush(self) -> None:
+        if self._new:
+            self._kept.add(np.array(self._new, dtype=float))
+            self._new = []
 
 
 class _Reader:
     """Reads one bag."""
 
-    def __init__(self, path: str, bag: Any, som: Som) -> None:
+    def __init__(self, path: str, bag: Any, som: Som, step: Step, most: int) -> None:
         self._path = path
         self._bag = bag
         self._som = som
+        self._step, self._most = step, most
         self._nodes = {service.node for service in som}
         self._substitutes: Set[str] = set()
         self._incidents: List[Incident] = []
@@ -170,8 +201,16 @@ class _Reader:
     def read(self) -> Recording:
         """Read the whole bag."""
         self._read_healing()
-        for recorded in messages(self._bag, set(self._som.topics()).__contains__, self._unread):
+        topics = set(self._som.topics())
+        told, size = 0, os.path.getsize(self._path)
+        number = max(1, self._bag.get_message_count(list(topics)))
+        for count, recorded in enumerate(messages(self._bag, topics.__contains__, self._unread), 1):
             self._take(*recorded)
+            if count % CHUNK_ROWS == 0:
+                so_far = int(size * min(1.0, count / number))
+                self._step(so_far - told)
+                told = so_far
+        self._step(size - told)
         series, notes = self._series()
         notes += self._unread
         notes += [f"{_count(n)} left out: {why}" for why, n in self._left_out.items()]
@@ -202,11 +241,12 @@ class _Reader:
             self._left_out[why] = self._left_out.get(why, 0) + 1
             return
         fields = self._fields_of(service, message)
-        part = self._parts.setdefault((service.name, publisher), _Messages())
+        key = service.name, publisher
+        if key not in self._parts:
+            self._parts[key] = _Messages(len(fields), self._most)
         stamp = getattr(getattr(message, "header", None), "stamp", None)
-        part.stamps.append(0.0 if stamp is None else stamp.to_sec())
-        part.recorded.append(time)
-        part.rows.append([field_value(message, field) for field in fields])
+        stamped = 0.0 if stamp is None else stamp.to_sec()
+        self._parts[key].add(time, stamped, [field_value(message, field) for field in fields])
 
     def _doubt(self, topic: str, publisher: str, service: Optional[Service], time: float) -> str:
         """Return why a message is not what a service measured; empty if it is."""
@@ -252,7 +292,7 @@ class _Reader:
             if service.node in parts:
                 for other in sorted(set(parts) - {service.node}):
                     why = f"{service.topic} by {other or 'nobody'}, which is not {service.node}"
-                    self._left_out[why] = len(parts[other].rows)
+                    self._left_out[why] = len(parts[other])
                 parts = {service.node: parts[service.node]}
             if parts:
                 new, told = _series_of(service, list(parts.values()))
@@ -263,30 +303,32 @@ class _Reader:
 
 def _series_of(service: Service, parts: Sequence[_Messages]) -> Tuple[List[Series], List[str]]:
     """Return the series of the values of a service, and what is to be said of them."""
-    stamps = [stamp for part in parts for stamp in part.stamps]
-    recorded = [time for part in parts for time in part.recorded]
-    rows = [row for part in parts for row in part.rows]
-    time, notes = times_of(stamps, recorded)
+    table = np.concatenate([part.table() for part in parts])
+    time, notes = times_of(table[:, 1], table[:, 0])
     order = ordered(time)
     notes += order.notes
+    number = sum(map(len, parts))
+    if len(table) < number:
+        notes.append(f"has {number} messages: {len(table)} are kept, in stretches")
     series = []
-    for place, source in enumerate(service.sources):
-        pairs = [(t, rows[k][place]) for t, k in zip(order.time, order.kept)]
-        samples = [(t, value) for t, value in pairs if value is not None]
-        if not samples:
+    for place, source in enumerate(service.sources, 2):
+        values = table[order.kept, place]
+        there = ~np.isnan(values)
+        if not there.any():
             notes.append(f"never names {source.provision.field}")
             continue
-        times, values = zip(*samples)
+        times, values = order.time[there], values[there]
+        values[values == NO_NUMBER] = math.nan
         low, high = source.provision.range or (-math.inf, math.inf)
-        within = [value if low <= value <= high else math.nan for value in values]
-        beyond = sum(value < low or value > high for value in values)
-        if beyond:
+        beyond = (values < low) | (values > high)
+        if beyond.any():
             notes.append(
-                f"has {beyond} values of {source.property} beyond its range; they are none"
+                f"has {beyond.sum()} values of {source.property} beyond its range; they are none"
             )
-        where = source.path, source.node
-        values_ = np.array(within)
-        series.append(Series(source.property, *where, np.array(times), values_, service.name))
+        values[beyond] = math.nan
+        series.append(
+            Series(source.property, source.path, source.node, times, values, service.name)
+        )
     return series, notes
 
 

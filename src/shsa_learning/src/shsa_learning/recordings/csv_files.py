@@ -4,7 +4,6 @@ It is read in chunks, and of a large file some stretches are kept alone.
 """
 import csv
 import math
-import sys
 import warnings
 from typing import BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -14,7 +13,7 @@ from shsa_core.errors import ModelError, listed
 from shsa_core.files.regular import open_to_read
 from shsa_core.language.syntax import is_name
 from shsa_learning.recordings.recording import Series, ordered
-from shsa_learning.recordings.reservoir import Reservoir
+from shsa_learning.recordings.reservoir import MOST_ROWS, NO_NUMBER, Reservoir
 
 TIME = "time"
 FARTHEST_BACK_S = 1.0
@@ -22,8 +21,6 @@ FARTHEST_BACK_S = 1.0
 CHUNK_BYTES = 1 << 22
 LONGEST_LINE = 1 << 20
 """Bytes: what has longer lines is no such file."""
-NO_NUMBER = -sys.float_info.max
-"""Stands for a cell that says that there is no number, beside NaN for an empty one."""
 _PLAIN = b"0123456789eE+-., \n"
 
 Step = Callable[[int], object]
@@ -37,12 +34,12 @@ class _Chunk(NamedTuple):
 
 
 def read_csv(
-    path: str, alone: bool = True, step: Step = lambda size: None
+    path: str, alone: bool = True, step: Step = lambda size: None, most: int = MOST_ROWS
 ) -> Tuple[Tuple[Series, ...], Tuple[str, ...]]:
     """Read the series in a file, and what is to be said of them. An empty cell: no sample.
 
-    `alone`: no other file is of the same drive; `step` is told of the bytes that are read. Raises
-    ModelError, with file and line, if it is no such file.
+    `alone`: no other file is of the same drive; of its rows `most` are kept. `step` is told of the
+    bytes that are read. Raises ModelError, with file and line, if it is no such file.
     """
     columns: Optional[List[str]] = None
     newest = -math.inf
@@ -54,7 +51,7 @@ def read_csv(
                 columns, chunk = _header(path, chunk)
                 if columns is None:
                     continue
-                kept = Reservoir(len(columns), alone)
+                kept = Reservoir(len(columns), alone, most)
             rows = _plain_rows(chunk.raw, len(columns) + 1)
             if rows is None:
                 rows = _any_rows(path, chunk, columns)

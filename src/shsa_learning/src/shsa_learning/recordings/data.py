@@ -8,9 +8,11 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.text import nearest
-from shsa_learning.recordings.bags import is_bag, read_bag
+from shsa_learning.recordings.bags import is_bag
 from shsa_learning.recordings.csv_files import Step, read_csv
+from shsa_learning.recordings.fleet import read_bags
 from shsa_learning.recordings.recording import Recording, Series
+from shsa_learning.recordings.reservoir import MOST_ROWS
 
 
 def read(
@@ -18,13 +20,17 @@ def read(
     som: Optional[Som] = None,
     ontology: Optional[Ontology] = None,
     step: Step = lambda size: None,
+    dask: str = "",
+    most: int = MOST_ROWS,
 ) -> Tuple[Recording, ...]:
     """Read recordings from files, or folders of them: rosbags, which need a SOM, and CSV files.
 
-    A bag is a recording. CSV files are sources of one recording, unless they cannot be: those of
-    one name in several folders are a recording each folder, and so are those that do not overlap in
-    time. Which services they are of, `attributed` says. `step` is told of the bytes that are read.
-    Raises ShsaError, with the file, if one cannot be read.
+    Several bags are read by a process each, or by the workers of the scheduler at the address
+    `dask`. Of the rows of a source `most` are kept, fewer if there are many bags. A bag is a
+    recording. CSV files are sources of one recording, unless they cannot be: those of one name in
+    several folders are a recording each folder, and so are those that do not overlap in time. Which
+    services they are of, `attributed` says. `step` is told of the bytes that are read. Raises
+    ShsaError, with the file, if one cannot be read.
     """
     if not paths:
         raise ModelError("the data", "no file is given")
@@ -32,17 +38,12 @@ def read(
     twice = [path for k, path in enumerate(paths) if path in paths[:k]]
     if twice:
         raise ModelError(twice[0], "is given twice")
-    recordings: List[Recording] = []
-    tables: List[str] = []
-    for path in paths:
-        if not is_bag(path):
-            tables.append(path)
-        elif som is None:
-            raise ModelError(path, "is a rosbag: a SOM (--som) says what its topics provide")
-        else:
-            recordings.append(read_bag(path, som))
-            step(os.path.getsize(path))
-    return (*recordings, *_recordings(tables, som or Som(), ontology, step))
+    bags = [path for path in paths if is_bag(path)]
+    if bags and som is None:
+        raise ModelError(bags[0], "is a rosbag: a SOM (--som) says what its topics provide")
+    recordings = read_bags(bags, som or Som(), step, dask, most)
+    tables = [path for path in paths if path not in bags]
+    return (*recordings, *_recordings(tables, som or Som(), ontology, step, most))
 
 
 def files(paths: Sequence[str]) -> List[str]:
@@ -76,11 +77,11 @@ class _CsvFile(NamedTuple):
 
 
 def _recordings(
-    paths: Sequence[str], som: Som, ontology: Optional[Ontology], step: Step
+    paths: Sequence[str], som: Som, ontology: Optional[Ontology], step: Step, most: int
 ) -> Tuple[Recording, ...]:
     tables = []
     for path in paths:
-        series, notes = read_csv(path, len(paths) == 1, step)
+        series, notes = read_csv(path, len(paths) == 1, step, most)
         tables.append(_CsvFile(path, series, notes))
     folders: Dict[str, List[_CsvFile]] = {}
     names = [os.path.basename(path) for path in paths]

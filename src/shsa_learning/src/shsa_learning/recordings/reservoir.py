@@ -1,10 +1,13 @@
 """Keeps some of many rows: stretches of time, of each kind of excitation about as many"""
+import sys
 import zlib
 from typing import Dict, List, Tuple
 
 import numpy as np
 
 MOST_ROWS = 50_000
+NO_NUMBER = -sys.float_info.max
+"""Stands for a value that says that there is no number, beside NaN for none."""
 SLOT_S = 10.0
 """A stretch that is kept or left out as a whole: what remembers needs neighbours."""
 FARTHEST, LARGEST = 2.0**62, 1e100
@@ -18,12 +21,12 @@ Cell = Tuple[int, int, int]
 class Reservoir:
     """Rows of time (s, increasing) and values, as many as memory has room for.
 
-    Where there are more, stretches of the commonest kind are left out first, and of these any. With
-    `alone` False all stretches are of one kind: other files then keep the same ones.
+    Where there are more than `most`, stretches of the commonest kind are left out first, and of
+    these any. With `alone` False all stretches are of one kind: others then keep the same ones.
     """
 
-    def __init__(self, columns: int, alone: bool) -> None:
-        self._alone = alone
+    def __init__(self, columns: int, alone: bool, most: int = MOST_ROWS) -> None:
+        self._alone, self._most = alone, most
         self.rows = 0
         self._kept = 0
         self._parts: List[np.ndarray] = []  # of the stretch that is not over
@@ -46,7 +49,7 @@ class Reservoir:
             if slots[begin] != self._slot:
                 self._close()
                 self._slot = int(slots[begin])
-            room = MOST_ROWS - sum(map(len, self._parts))
+            room = self._most - sum(map(len, self._parts))
             if room > 0:
                 self._parts.append(rows[begin : min(end, begin + room)].copy())
             begin = end
@@ -69,7 +72,7 @@ class Reservoir:
             self._cells.setdefault(self._cell(rows[:, 1:]), []).append(order)
         self._slots[self._slot] = rows
         self._kept += len(rows)
-        while self._kept > MOST_ROWS and len(self._slots) > 1:
+        while self._kept > self._most and len(self._slots) > 1:
             crowded = max(self._cells, key=lambda cell: len(self._cells[cell]))
             last = max(self._cells[crowded])
             self._cells[crowded].remove(last)

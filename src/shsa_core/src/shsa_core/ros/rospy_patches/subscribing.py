@@ -2,7 +2,9 @@
 
 Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
 buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
-connection in a thread that calls back, and does not say when one ended, or when a message came.
+connection in a thread that calls back, and does not say when one ended, or when a message came. It
+keeps a connection that the publisher refused, as who has just unregistered does, and then connects
+to that publisher no more (`robust_connect_subscriber`, `has_connection`).
 """
 import socket
 import struct
@@ -14,7 +16,7 @@ from typing import Any, Callable, Type
 import genpy
 import rospy
 from rosgraph.network import decode_ros_handshake_header
-from rospy.exceptions import TransportTerminated
+from rospy.exceptions import TransportInitError, TransportTerminated
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
@@ -62,7 +64,11 @@ def bound_header(transport: Any) -> None:
         found = weak()
         if found is None or found.socket is None:
             return
-        found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
+        try:
+            found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
+        except TransportInitError as error:
+            found.header = None
+            raise ShsaError(str(error)) from error  # on which rospy closes it
 
     transport.read_header = read_bounded
 
