@@ -108,6 +108,11 @@ class FollowedPlan:
         return self.plan.service, self.plan.program
 
     @property
+    def reads(self) -> Set[str]:
+        """The services that it reads."""
+        return {source.service.name for source in self.plan.inputs}
+
+    @property
     def is_followed(self) -> bool:
         """True while it is evaluated."""
         return self.substitutes or self.witness
@@ -182,25 +187,24 @@ class Derivations:
             else _Heard(service)
             for service in som
         }
-        for plan in plans:
-            plan.witness = False
-            read = {source.service.name for source in plan.plan.inputs}
-            if plan.plan.service in goes_on and read <= self._services.keys():
-                self._keep(plan)
+        for followed in plans:
+            followed.witness = False
+            if followed.plan.service in goes_on and followed.reads <= self._services.keys():
+                self._keep(followed)
             else:
-                gone.append(plan)
+                gone.append(followed)
         return gone
 
-    def _keep(self, plan: FollowedPlan) -> None:
-        self._services[plan.plan.service].plans.append(plan)
-        for source in plan.plan.inputs:
-            self._services[source.service.name].readers.add(plan)
+    def _keep(self, followed: FollowedPlan) -> None:
+        self._services[followed.plan.service].plans.append(followed)
+        for name in followed.reads:
+            self._services[name].readers.add(followed)
 
-    def give_up(self, plan: FollowedPlan) -> None:
+    def give_up(self, followed: FollowedPlan) -> None:
         """Forget a plan, and what it has learned."""
-        self._services[plan.plan.service].plans.remove(plan)
-        for source in plan.plan.inputs:
-            self._services[source.service.name].readers.discard(plan)
+        self._services[followed.plan.service].plans.remove(followed)
+        for name in followed.reads:
+            self._services[name].readers.discard(followed)
 
     def concerns(self, service: Service) -> bool:
         """Tell if values of a service are read, or compared."""
@@ -293,13 +297,13 @@ class Derivations:
         refreshed, self._refreshed = self._refreshed, []
         return refreshed
 
-    def _evaluate(self, plan: FollowedPlan, time: float) -> None:
-        known = [self._value(source, time) for source in plan.plan.inputs]
+    def _evaluate(self, followed: FollowedPlan, time: float) -> None:
+        known = [self._value(source, time) for source in followed.plan.inputs]
         inputs = [value for value in known if value is not None]
-        derived = plan.step(inputs, time) if len(inputs) == len(known) else None
-        sound = all(self._services[source.service.name].sound for source in plan.plan.inputs)
-        plan.doubtful = derived is None or not sound
-        for number, output in enumerate(plan.outputs):
+        derived = followed.step(inputs, time) if len(inputs) == len(known) else None
+        sound = all(self._services[name].sound for name in followed.reads)
+        followed.doubtful = derived is None or not sound
+        for number, output in enumerate(followed.outputs):
             value = None if derived is None else derived[number]
             output.derived = value if value is not None and isfinite(value) else None
 
