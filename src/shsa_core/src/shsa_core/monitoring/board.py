@@ -28,7 +28,6 @@ from shsa_core.monitoring.settings import BRIDGES_APART
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
 
-
 Due = Union[Publisher, WatchedService]
 """A publisher may have been silent for too long, or nobody was there for a service in time."""
 Change = Tuple[str, Optional[Substitution], Optional[Substitution]]

@@ -29,8 +29,7 @@ class Monitor:
         self._board = Board()
         self._around = Surroundings(self._board)
         self._start_up = StartUp(self._board, settings.startup_grace, self._around)
-        judged_by = self._board, self._around, ontology, settings.deadlines
-        self._judgement = Judgement(*judged_by)
+        self._judgement = Judgement(self._board, self._around, ontology, settings.deadlines)
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
         self._ends = False

@@ -117,8 +117,9 @@ GUARD_S = 5.0
 """A sample is learned once it is so old, as long as nothing was doubted since; and no error is
 noted before something was learned for as long."""
 SETTLING_S = 60.0
-"""Of data, before which gain and offset are free; the gain needs as much that tells of it. By
-witnesses errors count as they were twice as long ago: a sensor that drifts widens them."""
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it. For
+witnesses errors are known then, and count as they were twice as long ago: a sensor that drifts
+widens them."""
 EXCITED = 2.0
 """A gain is believed once the variance of what is derived is so many times the residual's."""
 GAINS = 0.5, 2.0
@@ -151,5 +152,3 @@ TOLD_SHARE = 0.1
 # Witnesses.
 WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
-WITNESS_SAMPLES = 60
-"""So many samples, one a second, make an error known that nobody has stated."""
