@@ -6,7 +6,7 @@ from shsa_core.monitoring.alibis import NOBODY_CAME, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.events import FormerlyHealthy, Told
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
-from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S
+from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S, TOGETHER_S
 from shsa_core.monitoring.surroundings import Surroundings
 
 
@@ -94,6 +94,7 @@ class StartUp:
                 Blame.START,
                 time,
                 began=told,
+                limit=told + TOGETHER_S if formerly else inf,
                 short=self._around.short(formerly) if there else -inf,
                 together=self._unheard() if formerly else 1,
                 robot_came=self._robot_came,
