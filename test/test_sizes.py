@@ -7,7 +7,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 33203, "healing": 5965, "monitoring": 3911, "ros": 11085}
+LINES = {"": 32928, "healing": 5965, "monitoring": 3911, "ros": 11085}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
