@@ -24,7 +24,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Dict, List, Tuple
+from typing import Dict, Iterable, List, Mapping, Tuple
 
 import matplotlib.pyplot as plt
 import rosgraph
@@ -71,21 +71,24 @@ class Results:
                     key = (row["measure"], int(row["nodes"]))
                     self.values.setdefault(key, []).append(float(row["time_ms"]))
         else:
-            self._write(COLUMNS)
+            self._write([COLUMNS])
 
-    def add(self, measure: str, nodes: int, value: float) -> None:
-        """Append a row."""
-        values = self.values.setdefault((measure, nodes), [])
-        values.append(value)
-        self._write((measure, nodes, len(values), f"{value:.3f}"))
+    def add(self, nodes: int, times: Mapping[str, float]) -> None:
+        """Append the rows of a repetition, all at once: who interrupts it cuts none in two."""
+        rows = []
+        for measure, value in times.items():
+            values = self.values.setdefault((measure, nodes), [])
+            values.append(value)
+            rows.append((measure, nodes, len(values), f"{value:.3f}"))
+        self._write(rows)
 
     def count(self, measure: str, nodes: int) -> int:
         """Count the rows."""
         return len(self.values.get((measure, nodes), ()))
 
-    def _write(self, row: Tuple[object, ...]) -> None:
+    def _write(self, rows: Iterable[Tuple[object, ...]]) -> None:
         with open(self._path, "a", newline="") as file:
-            csv.writer(file).writerow(row)
+            csv.writer(file).writerows(rows)
 
 
 class TransferNode:
@@ -239,8 +242,7 @@ def main() -> int:
             applications.grow(nodes)
 
             def transfer(node: TransferNode) -> None:
-                for measure, value in zip(TRANSFER, node.measure()):
-                    results.add(measure, nodes, value)
+                results.add(nodes, dict(zip(TRANSFER, node.measure())))
                 progress.update()
 
             enough = lambda: results.count(TRANSFER[-1], nodes) >= repetitions
@@ -252,7 +254,7 @@ def main() -> int:
 
                 def take_over(robot: Healed) -> None:
                     robot.await_well()
-                    results.add(standby, nodes, robot.fail().rospy_ms)
+                    results.add(nodes, {standby: robot.fail().rospy_ms})
                     progress.update()
 
                 make = lambda: Healed(graph, consumers, standby, PERIOD_S)

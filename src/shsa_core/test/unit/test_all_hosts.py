@@ -1,4 +1,5 @@
 """Each command goes to the computer that it is about."""
+from types import SimpleNamespace
 from typing import Any, List, Tuple
 
 import pytest
@@ -7,6 +8,7 @@ import rospy
 from shsa_core.healing import events
 from shsa_core.ros.agent import all_hosts
 from shsa_core.ros.agent.all_hosts import AllHosts
+from shsa_core.ros.settings import QUEUE
 from shsa_testing.waiting import wait_until
 
 Sent = List[Tuple[str, Any]]
@@ -128,3 +130,13 @@ def test_with_one_computer_the_master_is_not_asked(robot: Robot) -> None:
     robot.hosts._remote, robot.answers = {}, False
     robot.hosts.carry_out(events.FindNode("/a"))
     assert robot.sent == [("", events.FindNode("/a"))]
+
+
+def test_what_waits_for_an_agent_that_hangs_is_bounded(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: List[Any] = []
+    monkeypatch.setattr(rospy, "Publisher", lambda *what, **how: made.append(how))
+    robot.hosts._signing = SimpleNamespace(signer=lambda *what: None)
+    robot.hosts._host("pi")
+    assert 0 < made[0]["queue_size"] <= QUEUE

@@ -7,8 +7,8 @@ import pytest
 import rospy
 from plain_sockets import connected
 
-from shsa_core.ros.sockets import arrival_times
-from shsa_core.ros.sockets.arrival_times import SPACE, ArrivalTimes, Moment, enable, noted_in
+from shsa_core.ros.sockets import connection
+from shsa_core.ros.sockets.connection import SPACE, ArrivalTimes, Moment, noted_in
 from shsa_testing.waiting import wait_until
 
 S = 10**9
@@ -51,7 +51,7 @@ def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
 
 def test_the_kernel_tells_when_something_came_however_late_it_is_read(pair: Pair) -> None:
     there, here = pair
-    enable(here)
+    here.setsockopt(socket.SOL_SOCKET, connection.SO_TIMESTAMPNS, 1)
     wait_until(lambda: is_noted(pair), 10.0, "the kernel, who does so a little later, notes it")
     rospy.rostime.set_rostime_initialized(True)
     times = ArrivalTimes(time.monotonic)
@@ -68,7 +68,7 @@ def test_the_kernel_tells_when_something_came_however_late_it_is_read(pair: Pair
 
 def test_what_nobody_noted_came_when_it_was_looked(clocks: Clocks) -> None:
     assert noted_in([]) == 0 == noted_in([(1, 2, b"")])
-    assert noted_in([(socket.SOL_SOCKET, arrival_times.SO_TIMESTAMPNS, b"short")]) == 0
+    assert noted_in([(socket.SOL_SOCKET, connection.SO_TIMESTAMPNS, b"short")]) == 0
     assert clocks.look(101 * S, 11.0, 6.0, 51 * S).of(0, 11.0) == (6.0, 51 * S)
 
 

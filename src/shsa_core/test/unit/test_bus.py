@@ -3,7 +3,7 @@ from typing import Any, Optional
 
 import pytest
 
-from shsa_core.ros.master.bus import COUNTER, Sent, between, rate, sent
+from shsa_core.ros.master.node_api import COUNTER, Sent, between, rate, sent
 from shsa_core.ros.master.node_api import Answer
 from strange_nodes import Send, StrangeNode, nothing, value
 

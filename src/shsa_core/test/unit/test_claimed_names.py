@@ -1,12 +1,24 @@
 """A name is a claim: who is at the other end of a connection is what the master says."""
 import time
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, List
 
 from plain_sockets import LISTED, Master, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
-from shsa_core.ros.sockets.identity import NOT_LISTED
+from shsa_core.ros.sockets.identity import NOT_LISTED, Identified, Identities
+
+
+class Stranger:
+    """A connection to somebody whom the master does not list."""
+
+    topic, publisher, uri, transport = (
+        "/odom",
+        "/stranger",
+        "http://localhost:1/",
+        SimpleNamespace(socket=None),
+    )
 
 
 def test_who_claims_the_name_of_another_is_whom_the_master_lists(
@@ -134,3 +146,13 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
     master.answers = True
     monitor.until(lambda: "Connected" in monitor.kinds())
     assert monitor.kinds() == ["Connected"]
+
+
+def test_who_is_never_listed_is_asked_about_for_days() -> None:
+    refused: List[str] = []
+    identities = Identities(lambda item: None, lambda topic, claim, why: refused.append(why))
+    connection: Any = Stranger()
+    identities.claim(connection)
+    for _ in range(3000):  # 8 h
+        assert not identities.answered(Identified(connection, ""))
+    assert refused == [NOT_LISTED] * 2999

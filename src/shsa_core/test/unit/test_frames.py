@@ -13,8 +13,8 @@ from plain_sockets import connected, framed
 
 from shsa_core.ros import settings as shell
 from shsa_core.ros.settings import READ_B as CHUNK, READS_A_TURN
-from shsa_core.ros.sockets import arrival_times
-from shsa_core.ros.sockets.frames import Frame, Frames, Wanted
+from shsa_core.ros.sockets import connection
+from shsa_core.ros.sockets.connection import Frame, Frames, Wanted
 from shsa_testing.waiting import wait_until
 
 MB = 1 << 20
@@ -165,12 +165,12 @@ def test_nobody_need_look_at_each_part_of_large_messages_that_are_dropped(pair: 
 
 def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pair) -> None:
     there, here = pair
-    arrival_times.enable(here)
+    here.setsockopt(socket.SOL_SOCKET, connection.SO_TIMESTAMPNS, 1)
 
     def is_noted() -> bool:
         there.sendall(b"x")
         wait_until(lambda: unread(here) == 1, 5.0, "it has come")
-        return arrival_times.noted_in(here.recvmsg(1, arrival_times.SPACE)[1]) > 0
+        return connection.noted_in(here.recvmsg(1, connection.SPACE)[1]) > 0
 
     wait_until(is_noted, 10.0, "the kernel, who does so a little later, notes it")
     here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, shell.EXPECTED_B)

@@ -25,7 +25,7 @@ from shsa_core.model.substitution import Program
 from shsa_core.monitoring.events import CalibrationRow
 from shsa_core.ros import clock
 from shsa_core.ros.wire.healing import calibrations_heard
-from shsa_core.ros.wire.monitoring import calibration_key, calibration_row
+from shsa_core.ros.wire.healing import calibration_key, calibration_row
 from shsa_core.search.derivation import SourceTable
 
 FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=200))

@@ -16,7 +16,7 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs, hears
+from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
 from shsa_testing.waiting import wait_until
@@ -48,19 +48,20 @@ def beating(role: str) -> "Iterator[subprocess.Popen[bytes]]":
 
 
 def test_it_is_known_whether_anybody_hears(role: str) -> None:
-    assert not hears(role)
+    heart = Heart(role)
+    assert not heart.beat(at_once=True)
     signs = Signs(role)
-    assert hears(role) and signs.names() == []
+    assert list(signs.last) == [] and heart.beat(at_once=True)
 
 
 def test_a_sign_of_life_comes_with_its_process(
     role: str, beating: "subprocess.Popen[bytes]"
 ) -> None:
     signs = Signs(role)
-    wait_until(lambda: signs.of("/substitute_a_1"), 10.0, "a heartbeat")
-    sign = signs.of("/substitute_a_1")
+    wait_until(lambda: signs.last.get("/substitute_a_1"), 10.0, "a heartbeat")
+    sign = signs.last.get("/substitute_a_1")
     assert sign is not None and sign.pid == beating.pid
-    assert signs.names() == ["/substitute_a_1"]
+    assert list(signs.last) == ["/substitute_a_1"]
 
 
 def test_only_its_hearer_can_answer_a_heartbeat_also_after_that_began_anew(role: str) -> None:
@@ -71,7 +72,7 @@ def test_only_its_hearer_can_answer_a_heartbeat_also_after_that_began_anew(role:
 
         def told() -> bool:
             heart.beat(at_once=True)
-            return signs.of("/test") is not None and heart.cut_off is cut_off
+            return signs.last.get("/test") is not None and heart.cut_off is cut_off
 
         wait_until(told, 10.0, "its hearer answers")
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
@@ -107,7 +108,7 @@ def test_who_is_slow_to_give_a_sign_lives(role: str) -> None:
     heard: Set[Optional[Sign]] = set()
 
     def three() -> bool:
-        heard.add(signs.of("/substitute_a_1"))
+        heard.add(signs.last.get("/substitute_a_1"))
         return len(heard - {None}) == 3
 
     try:
@@ -181,14 +182,14 @@ def test_who_is_heard_is_told_whether_the_reconfigurator_is_in_reach(
     away[0] = True
     wait_until(lambda: told(True), 5.0, "it is cut off again")
     monkeypatch.setattr(settings, "CALL_S", 0.0)
-    assert not heart.cut_off and signs.of("/test")  # an answer does not hold for ever
+    assert not heart.cut_off and signs.last.get("/test")  # an answer does not hold for ever
 
 
 def test_the_one_that_came_last_hears(role: str) -> None:
     first, second = Signs(role), Signs(role)
     Heart(role).beat()
-    wait_until(lambda: second.of("/test"), 5.0, "a heartbeat")
-    assert first.of("/test") is None
+    wait_until(lambda: second.last.get("/test"), 5.0, "a heartbeat")
+    assert first.last.get("/test") is None
 
 
 def test_a_process_is_known_by_its_start_as_well() -> None:
@@ -241,7 +242,7 @@ def test_nobody_else_can_fill_the_queue(role: str, home: Path, mode: int) -> Non
     done = subprocess.run([sys.executable, "-c", STRANGER, str(home), str(path)], check=False)
     assert done.returncode == 0
     Heart(role).beat()
-    wait_until(lambda: signs.of("/test"), 5.0, "our own is heard")
+    wait_until(lambda: signs.last.get("/test"), 5.0, "our own is heard")
 
 
 def test_a_folder_that_others_can_write_is_not_used(role: str, home: Path) -> None:
@@ -266,4 +267,4 @@ os._exit(0)
     assert len(list(home.glob("*/shsa/*.socket"))) == 1
     signs = Signs(role)
     Heart(role).beat()
-    wait_until(lambda: signs.of("/test"), 5.0, "a heartbeat")
+    wait_until(lambda: signs.last.get("/test"), 5.0, "a heartbeat")

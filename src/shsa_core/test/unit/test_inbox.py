@@ -8,7 +8,7 @@ from typing import Any, List
 
 import pytest
 
-from shsa_core.ros.sockets.inbox import Inbox
+from shsa_core.ros.sockets.subscriptions import Inbox
 
 
 def waited(inbox: Inbox, timeout: float) -> float:

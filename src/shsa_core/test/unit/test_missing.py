@@ -9,7 +9,6 @@ from shsa_testing.models import every_derivation, law, ontology, random_model, s
 
 from shsa_core.errors import LISTED, NoSubstitute
 from shsa_core.model.ontology import Ontology
-from shsa_core.search.missing import lacking
 from shsa_core.search.substitutes import find_substitute
 from shsa_testing.thorough import many
 
@@ -54,9 +53,9 @@ def test_with_all_that_is_missing_the_lost_can_be_derived(seed: int) -> None:
 
 
 def test_long_chains_do_not_recurse() -> None:
-    size = 50000
-    assert lacking(0, lambda number: [[number + 1]] if number < size else []) == {size}
-    assert len(lacking(0, lambda number: [[number % size + 1]])) == size
+    chain = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(3000)]
+    assert missing(ontology(*chain), target="p0") == ["p3000"]
+    assert len(missing(ontology(*chain, law("back", "p3000", "p1")), target="p0")) == 3000
 
 
 @pytest.mark.parametrize("count, end", [(LISTED, "p19"), (LISTED + 3, "p19 and 3 more")])

@@ -1,11 +1,17 @@
 """The run of a node."""
 import gc
+import signal
+import subprocess
 import sys
+from pathlib import Path
 from typing import Any, List
 
 import rospy
 
 from shsa_core.ros import node
+from shsa_testing.waiting import wait_until
+
+NODE = Path(__file__).resolve().parents[2] / "nodes" / "substitute"
 
 
 class Nothing:
@@ -31,3 +37,16 @@ def test_what_is_loaded_before_a_node_works_is_not_looked_through_for_garbage(
         gc.unfreeze()
         sys.setswitchinterval(interval)
     assert frozen[0] > 10_000
+
+
+def test_a_substitute_that_is_interrupted_before_rospy_heeds_it_just_ends() -> None:
+    words = [sys.executable, str(NODE), "/a/data", "y=x[0]", "/b/data"]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, universal_newlines=True)
+    try:
+        imports = lambda: "lib-dynload" in Path(f"/proc/{process.pid}/maps").read_text()
+        wait_until(imports, 30.0, "it loads what it needs")
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+    finally:
+        process.kill()
+    assert "Traceback" not in said

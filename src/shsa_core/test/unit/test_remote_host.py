@@ -12,7 +12,7 @@ from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
 from shsa_core.ros.processes.host import HostEvent  # noqa: E402
-from shsa_core.ros.agent.remote import RemoteHost  # noqa: E402
+from shsa_core.ros.agent.all_hosts import RemoteHost  # noqa: E402
 from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
 from shsa_core.ros.processes.host import COMMANDS, EVENTS, read, written  # noqa: E402
 

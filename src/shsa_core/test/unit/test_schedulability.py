@@ -8,7 +8,7 @@ from shsa_testing.models import law, ontology, source
 from shsa_core.analysis.check import check_model
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.healing.settings import Settings
-from shsa_core.model.cost import cores, idle_cost, traffic
+from shsa_core.model.cost import cost, idle_cost, traffic
 from shsa_core.model.host import Host, Placement
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.service import Service
@@ -18,7 +18,7 @@ ROBOT = ontology(law("rolling", "speed", "left"), law("turning", "turn", "left")
 SPEED = replace(source("speed", "/speed", "/drive", needed=True).service, host="board", period=0.02)
 TURN = replace(source("turn", "/turn", "/drive", needed=True).service, host="board", period=0.02)
 LEFT = replace(source("left", "/left", "/wheel").service, host="pi", period=0.02)
-ONE = cores([LEFT], SPEED)
+ONE = cost([LEFT], SPEED, ()).cores
 SETTINGS = Settings(pool=2)
 
 

@@ -12,7 +12,7 @@ from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.trust import places
 from shsa_core.ros.trust.computers import Computer
-from shsa_core.ros.trust.seal import (
+from shsa_core.ros.trust.signing import (
     AHEAD_NS,
     FOREIGN,
     REMEMBERED,

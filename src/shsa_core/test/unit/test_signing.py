@@ -12,9 +12,9 @@ from shsa_msgs.msg import Failure
 from shsa_core.ros import diagnostics
 from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust import places, signing
-from shsa_core.ros.trust.computers import OtherComputer
-from shsa_core.ros.trust.proof import Proof, written
-from shsa_core.ros.trust.seal import FOREIGN, TWICE
+from shsa_core.ros.trust.computers import Met
+from shsa_core.ros.trust.computers import Proof, written
+from shsa_core.ros.trust.signing import FOREIGN, TWICE
 from shsa_core.ros.trust.signing import SENDERS, Signing
 
 AWAIT_S = 20.0
@@ -88,7 +88,7 @@ def test_the_first_message_of_another_computer_is_not_lost(pair: Pair) -> None:
     for each in pair.heard:
         assert abs(each.sent_here - time.monotonic_ns()) < AWAIT_S * 1e9
     (seen,) = pair.ours.computers.seen()
-    assert seen.address == "pi" and abs(seen.offset) < AWAIT_S
+    assert seen.address == "pi" and abs(seen.ahead) < AWAIT_S * 1e9
     names = [thread.name for thread in threading.enumerate()]
     assert "clocks" in names
 
@@ -129,7 +129,8 @@ def test_who_does_not_answer_either_is_not_said_to_have_a_secret(pair: Pair) -> 
 
 
 def test_another_computer_has_a_row_with_its_clock() -> None:
-    seen = OtherComputer("pi", "10.0.0.2", -0.25, 0.001, 0.002, 7.0)
+    answered = time.monotonic_ns() - 7 * 10**9
+    seen = Met(b"", "pi", "10.0.0.2", 0, -250 * 10**6, answered - 2 * 10**6, answered)
     row = diagnostics.computer_row(seen)
     assert (row.name, row.level) == ("computer pi at 10.0.0.2", diagnostics.WARN)
     assert row.message == "its clock is 0.2500 s behind, known within 0.0010 s"
@@ -139,7 +140,10 @@ def test_another_computer_has_a_row_with_its_clock() -> None:
         "round trip (s)": "0.002000",
         "measured (s ago)": "7",
     }
-    assert diagnostics.computer_row(seen._replace(bound=0.2)).level == diagnostics.OK
+    assert (
+        diagnostics.computer_row(seen._replace(asked=answered - 400 * 10**6)).level
+        == diagnostics.OK
+    )
 
 
 def test_the_same_by_two_connections_is_neither_counted_nor_said(pair: Pair) -> None:

@@ -49,7 +49,7 @@ def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> 
     others.update(needed=True, deadline=9.0, checks={"rate_low": False})
     others.update(fails_with=["usb_hub"], derived_from=["/odometry_raw"])
     others.update(host="pi", placement={"forbid": ["pi"]}, on_partition="wait")
-    others.update(prefer=["f1"], avoid=["/camera"])
+    others.update(prefer=["f1"], avoid=["/camera"], cost=7)
     hosts: Dict[str, Dict[str, float]] = {"pi": {}, "board": {"cores": 2.0}}
     old = som_of({**changed("period", 0.1), "hosts": hosts})
     som, errors = merge_parameters(old, {**changed(key, others[key]), "hosts": hosts})

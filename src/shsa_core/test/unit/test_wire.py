@@ -15,7 +15,7 @@ from shsa_core.monitoring import events
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
-from shsa_core.ros.wire.monitoring import failure_message
+from shsa_core.ros.wire.healing import failure_message
 
 
 @pytest.mark.parametrize("ahead", (-5.0, 0.0, 3600.0))

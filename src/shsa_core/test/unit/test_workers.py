@@ -1,11 +1,13 @@
 """Threads that make calls, wait for processes and write the log: real ones, at their limits."""
 import errno
 import logging
+import logging.handlers
 import os
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any, Dict, List
 
 import psutil
@@ -143,6 +145,7 @@ def test_a_log_that_cannot_be_written_is_said_once(
 ) -> None:
     """/dev/full is a disk that is full."""
     monkeypatch.setattr(logging.Handler, "handleError", logging.Handler.handleError)
+    monkeypatch.setattr(logging.FileHandler, "_open", logging.FileHandler._open)
     say_failures_once()
     logger = logging.getLogger("test_full")
     logger.propagate = False
@@ -160,3 +163,20 @@ def test_a_log_that_cannot_be_written_is_said_once(
     said = capfd.readouterr().err.splitlines()
     assert len(said) == 1 and "/dev/full cannot be written" in said[0]
     assert len(lines) == 50
+
+
+@pytest.mark.parametrize("kind", ["symlink", "fifo"])
+def test_a_log_is_not_written_where_somebody_has_put_a_link_or_a_pipe(
+    kind: str, tmp_path: Path, capfd: "pytest.CaptureFixture[str]", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.Handler, "handleError", logging.Handler.handleError)
+    monkeypatch.setattr(logging.FileHandler, "_open", logging.FileHandler._open)
+    say_failures_once()
+    path, other = tmp_path / "monitor-1.log", tmp_path / "other"
+    other.write_text("mine")
+    path.symlink_to(other) if kind == "symlink" else os.mkfifo(path)
+    handler = logging.handlers.RotatingFileHandler(str(path), "a", 50_000_000, 4)
+    handler.emit(logging.makeLogRecord({"msg": "line"}))
+    handler.close()
+    assert other.read_text() == "mine"
+    assert f"The log {path} cannot be written" in capfd.readouterr().err

@@ -38,7 +38,7 @@ def save_ontology(ontology: Ontology, path: str) -> None:
     ]
     for name, before, after, entry in sections:
         changed = {key: entry(item) for key, item in after.items() if before.get(key) != item}
-        _update(_section(tree, name, bool(after)), after, changed)
+        _update(_section(tree, name, bool(after)), before, after, changed)
     _update_relations(tree, old.functions, ontology.functions)
     dump(tree, path)
 
@@ -56,14 +56,21 @@ def _update_relations(
             )
         directions[function.output] = function
     section = _section(tree, "relations", bool(relations))
-    _update(section, relations, {name: CommentedMap() for name in relations if name not in section})
+    names = [relation for relation, _ in old]
+    _update(
+        section,
+        names,
+        relations,
+        {name: CommentedMap() for name in relations if name not in section},
+    )
     for name, directions in relations.items():
         changed = {
             output: _function_entry(function)
             for output, function in directions.items()
             if old.get((name, output)) != function
         }
-        _update(section[name], [*directions, "where"], changed)  # what others of it share stays
+        outputs = [output for relation, output in old if relation == name]
+        _update(section[name], outputs, directions, changed)
 
 
 def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
@@ -73,10 +80,12 @@ def _section(tree: CommentedMap, name: str, wanted: bool) -> CommentedMap:
     return CommentedMap() if section is None else section
 
 
-def _update(section: CommentedMap, after: Iterable[str], changed: Mapping[str, Any]) -> None:
-    """Remove the entries that are not in `after` and set the changed ones."""
-    kept = set(after)
-    for key in [key for key in section if str(key) not in kept]:
+def _update(
+    section: CommentedMap, before: Iterable[str], after: Iterable[str], changed: Mapping[str, Any]
+) -> None:
+    """Remove the entries that are gone and set the changed ones; vectors and `where` stay."""
+    gone = set(before) - set(after)
+    for key in [key for key in section if str(key) in gone]:
         del section[key]
     for key, entry in changed.items():
         section[key] = entry

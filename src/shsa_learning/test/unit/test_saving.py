@@ -280,6 +280,24 @@ def test_a_relation_with_steps_survives_being_saved_and_changed(tmp_path: pathli
     assert "where" not in old.read_text()
 
 
+def test_vectors_stay_where_a_relation_is_added(tmp_path: pathlib.Path) -> None:
+    file = tmp_path / "o.yaml"
+    file.write_text(
+        "properties: {w: {length: 2, unit: m}, v: , m: {elements: [v, u]}, u: }\n"
+        "constants: {j: {value: [[1, 2], [3, 4]]}, k: {value: [1, 2]}}\n"
+        "relations: {r: {m: 'dot(j, w)'}, s: {v: 'dot(k, w)'}}\n"
+    )
+    old = read_ontology(str(file))
+    more = replace(old.functions[-1], relation="t", output="w_0", inputs=("v",), law=parse_law("v"))
+    usual = {**old.properties, "w_1": replace(old.properties["w_1"], usual=(0.0, 1.0))}
+    new = replace(old, properties=usual, functions=(*old.functions[:2], replace(more, text="v")))
+    save_ontology(new, str(file))
+    again = read_ontology(str(file))
+    assert (again.properties, again.constants) == (new.properties, new.constants)
+    assert again.functions == new.functions
+    assert "dot(j, w)" in file.read_text() and "dot(k, w)" not in file.read_text()
+
+
 def test_the_models_that_come_with_it(tmp_path: pathlib.Path) -> None:
     ontology = read_ontology(str(ROOT / "ontology" / "rover.yaml"))
     save_ontology(ontology, str(tmp_path / "o.yaml"))

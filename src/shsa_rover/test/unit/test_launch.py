@@ -74,6 +74,23 @@ def test_one_argument_makes_it_the_system_of_the_paper() -> None:
     assert "--rosrun" not in healer.args and "/rover_som.yaml'" in healer.args
 
 
+@pytest.mark.parametrize(
+    "given, expected",
+    [
+        ((), True),
+        (("paper:=true",), False),
+        (("sim:=false",), False),
+        (("checksum:=false",), False),
+    ],
+)
+def test_frames_have_a_checksum_unless_they_are_those_of_the_paper(
+    given: Sequence[str], expected: bool
+) -> None:
+    values = parameters(load(*given, "healing:=false"))
+    found = {value for name, value in values.items() if name.endswith("/checksum")}
+    assert found == {expected}
+
+
 def test_gates_stand_before_the_needed_services() -> None:
     gates = {f"{name}_gate" for name in ("battery_current", "battery_voltage", "odom")}
     gated = load("gates:=true")
@@ -90,7 +107,10 @@ def test_the_real_rover_has_the_same_nodes_without_the_simulator() -> None:
     config = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false")
     assert names(config) == SIMULATED - {"rover_simulator"}
     values = parameters(config)
-    assert values["/amperemeter/port"] == values["/voltmeter/port"] == "/dev/ttyAMA0"
+    assert values["/amperemeter/port"] == "/dev/ttyAMA0"
+    assert len({values[port] for port in PORTS}) == len(set(PORTS.values()))  # one reader each
+    apart = load("sim:=false", "port:=/dev/ttyAMA0", "healing:=false", "raspberry_pi:=false")
+    assert parameters(apart)["/voltmeter/port"] == "/dev/ttyAMA0"
     assert all(str(values[port]).startswith("/dev/") for port in PORTS)
     given = [f"{name}:=/dev/{name}" for name in set(PORTS.values())]
     values = parameters(load("sim:=false", *given, "healing:=false"))
@@ -201,7 +221,8 @@ def test_computers_are_reached_as_the_arguments_say() -> None:
 
 
 def test_the_distributed_rover_has_the_parameters_of_the_rover() -> None:
-    arguments = ("port:=/dev/ttyAMA0", "sim:=false", "injectable:=true")
+    ports = ("port:=/dev/ttyAMA0", "voltage_port:=/dev/ttyAMA0")
+    arguments = (*ports, "sim:=false", "injectable:=true")
     distributed = load(*arguments, launch="rover_distributed.launch")
     assert parameters(distributed) == parameters(load(*arguments))
     nodes = [node for node in distributed.nodes if not node.name.startswith("agent")]

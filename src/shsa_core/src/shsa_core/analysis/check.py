@@ -9,19 +9,13 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.takeover import Takeovers, slowest
-from shsa_core.analysis.type_check import MessageTypes, check_healable, check_types
+from shsa_core.analysis.takeover import slowest, takeovers
+from shsa_core.analysis.type_check import check_healable, check_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import (
-    GenerationError,
-    ModelError,
-    ModelErrors,
-    NoSubstitute,
-    UnitError,
-    listed,
-)
+from shsa_core.errors import GenerationError, ModelError, ModelErrors, NoSubstitute, UnitError
+from shsa_core.errors import listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
 from shsa_core.files.trust import refuse_others_commands
@@ -40,7 +34,7 @@ from shsa_core.search.derivation import SourceTable
 def check_files(
     ontology_path: str,
     som_path: Optional[str] = None,
-    types: Optional[MessageTypes] = None,
+    types: Any = None,
     namespace: str = "/",
 ) -> List[Finding]:
     """Return everything found in the files, by file and line.
@@ -214,7 +208,7 @@ def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Find
 
 
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
-    takeovers = Takeovers(ontology, som.sources)
+    plan_of = takeovers(ontology, som.sources)
     apart = len({service.host for service in som}) > 1  # else nothing could do without the one host
     for service in som:
         if service.needed is False or read_alone(service) or not service.policy.plans:
@@ -223,7 +217,7 @@ def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
         what = f"{service.name} {may_be} needed, but if {service.node} fails there is"
         todo = "Add a relation or a service that yields what is missing"
         try:
-            plan = takeovers.of(service)
+            plan = plan_of(service)
         except NoSubstitute as none:
             todo += _leave_out(none.in_the_way)
             if service.needed or none.in_the_way:

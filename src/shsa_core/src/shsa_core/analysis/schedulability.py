@@ -6,7 +6,7 @@ have nothing else to do.
 from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 
 from shsa_core.analysis.finding import Finding
-from shsa_core.analysis.takeover import Takeovers
+from shsa_core.analysis.takeover import takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
 from shsa_core.healing.events import HostSeen
 from shsa_core.healing.hosts import Computers
@@ -29,8 +29,8 @@ def check_placements(
     """
     if not som.hosts:
         return
-    schedule = _Schedule(som, Takeovers(ontology, som.sources), settings, own)
-    schedule.stand_by()
+    schedule = _Schedule(ontology, som, settings, own)
+    yield from schedule.stand_by()
     for services in _by_node(som):
         yield from schedule.after(services)
 
@@ -38,13 +38,14 @@ def check_placements(
 class _Schedule:
     """The places where substitutes would run, and what they take there."""
 
-    def __init__(self, som: Som, takeovers: Takeovers, settings: Settings, own: str) -> None:
+    def __init__(self, ontology: Ontology, som: Som, settings: Settings, own: str) -> None:
         self._som, self._settings = som, settings
+        plan_of = takeovers(ontology, som.sources)
         self._reads: Dict[str, List[Service]] = {}  # by whoever has a substitute
         for service in som.may_be_needed():
             if service.policy.substitutes:
                 try:
-                    reads = takeovers.of(service).inputs
+                    reads = plan_of(service).inputs
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
@@ -55,13 +56,12 @@ class _Schedule:
         self._placement = Placement(
             self._hosts, lambda host, _since: self._placed.get(host, []), lambda: som
         )
-        self._full: Dict[str, str] = {}  # why what stands by fits nowhere
 
-    def stand_by(self) -> None:
+    def stand_by(self) -> Iterator[Finding]:
         """Place what runs while nothing has failed: hot substitutes, and the pools of warm ones."""
         pools: Dict[str, Dict[str, Service]] = {}
         for service in self._of(Standby.HOT):
-            self._full.update((service.name, why) for why in self._place(service))
+            yield from self._place(service)
         for service in self._of(Standby.WARM):
             try:
                 place = self._placement.place(0.0, service, self._reads[service.name])
@@ -77,32 +77,30 @@ class _Schedule:
         """Report what does not fit once some services have failed together."""
         before = {host: list(costs) for host, costs in self._placed.items()}
         for service in services:
-            if service.name not in self._reads:
-                continue
-            hot = service.standby is Standby.HOT  # it runs already
-            why = self._full.get(service.name, "") if hot else "; ".join(self._place(service))
-            if why:
-                what = f"the substitute of {service.name} does not fit: {why}"
-                todo = "Give it another placement or a colder standby, or its host more room"
-                yield Finding("warning", service.where, what, todo)
+            if service.name in self._reads and service.standby is not Standby.HOT:  # it runs
+                yield from self._place(service)
         self._placed = before
 
     def _of(self, standby: Standby) -> List[Service]:
         placed = (each for each in self._som.may_be_needed() if each.name in self._reads)
         return [each for each in placed if each.standby is standby]
 
-    def _place(self, service: Service) -> Iterator[str]:
-        """Place a substitute; yield why it is not where it should be."""
-        inputs = self._reads[service.name]
+    def _place(self, service: Service) -> Iterator[Finding]:
+        """Place a substitute, and report why it is not where it should be."""
+        inputs, why = self._reads[service.name], ""
         try:
             place = self._placement.place(0.0, service, inputs)
         except ShsaError as none:
-            yield str(none)
-            return
-        takes = cost(inputs, service, self._names(place.host))
-        self._placed.setdefault(place.host, []).append(takes)
-        if place.passed_over:
-            yield "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
+            why = str(none)
+        else:
+            takes = cost(inputs, service, self._names(place.host))
+            self._placed.setdefault(place.host, []).append(takes)
+            if place.passed_over:
+                why = "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
+        if why:
+            what = f"the substitute of {service.name} does not fit: {why}"
+            todo = "Give it another placement or a colder standby, or its host more room"
+            yield Finding("warning", service.where, what, todo)
 
     def _names(self, host: str) -> Set[str]:
         """Return the names by which services call a host."""

@@ -1,5 +1,5 @@
 """Checks a SOM by its message types: that they have the fields, and that these can be healed."""
-from typing import Iterator, List, Mapping, Protocol
+from typing import Any, Iterator
 
 from shsa_core.analysis.finding import Finding
 from shsa_core.errors import ShsaError
@@ -28,19 +28,6 @@ NOT_HEALABLE = {
 _ACTION_ENDINGS = ("ActionGoal", "ActionResult", "ActionFeedback")
 
 
-class MessageTypes(Protocol):
-    """A place where message types are looked up, as shsa_core.message_types."""
-
-    def layout(self, name: str) -> Mapping[str, str]:
-        """Return the fields of a message type and their types. Raises ShsaError."""
-
-    def types_beside(self, name: str) -> List[str]:
-        """Return the message types in the same package; none if the package is not there."""
-
-    def is_service(self, name: str) -> bool:
-        """Return True for the type of a ROS service."""
-
-
 def check_healable(som: Som) -> Iterator[Finding]:
     """Report the needed services whose type or fields tell that they cannot be healed."""
     for service in (each for each in som.needed() if each.policy.plans):
@@ -64,8 +51,8 @@ def check_healable(som: Som) -> Iterator[Finding]:
                 )
 
 
-def check_types(som: Som, types: MessageTypes) -> Iterator[Finding]:
-    """Report what is wrong with the types and fields of a SOM, as they are installed here."""
+def check_types(som: Som, types: Any) -> Iterator[Finding]:
+    """Report what is wrong with the types and fields of a SOM; `types`: shsa_core.message_types."""
     for service in som:
         try:
             types.layout(service.type)
@@ -76,7 +63,7 @@ def check_types(som: Som, types: MessageTypes) -> Iterator[Finding]:
             yield from _check_field(service, source, types)
 
 
-def _unknown(service: Service, types: MessageTypes) -> Finding:
+def _unknown(service: Service, types: Any) -> Finding:
     """Report a type that is not here: a wrong name, or a package that is not built."""
     package, name = service.type.split("/")
     if types.is_service(service.type):
@@ -95,7 +82,7 @@ def _unknown(service: Service, types: MessageTypes) -> Finding:
     return Finding("warning", service.where, what, "Build the package and source it")
 
 
-def _check_field(service: Service, source: Source, types: MessageTypes) -> Iterator[Finding]:
+def _check_field(service: Service, source: Source, types: Any) -> Iterator[Finding]:
     provision = source.provision
     try:
         found = field_type(service.type, provision.field, types.layout)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
+from shsa_core.language.functions import DELAY
 from shsa_core.language.syntax import MAX_STEPS, NO_FILE, check_tree, is_free
 from shsa_core.language.trees import name_nodes
 
@@ -12,8 +13,6 @@ MAX_CODE = 100_000
 MAX_RELATIONS = 1000
 MAX_DELAYS = 200
 """Delays in the code; each may hold a thousand samples, about 100 kB."""
-
-DELAY = "delay"
 
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() \[\];:#\n\\]|\\(?!\n)")
 

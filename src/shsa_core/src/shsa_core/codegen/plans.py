@@ -26,7 +26,7 @@ from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
 REFUSED_AT_MOST = 20
-"""The most derivations passed over as too large for code, before as many of the smallest."""
+"""The most derivations that are passed over as too large for code, or too wrong."""
 
 
 @dataclass(frozen=True)
@@ -168,27 +168,19 @@ def plan_sources(
     refused: Optional[GenerationError] = None
     too_wrong = ""
     failed = set()
-    most = len(tried) + REFUSED_AT_MOST
     numbers = [network.number(name) for name in properties]
     for usable, whole in nearest(network, table, numbers, network.executable, steps):
-        question = network, table, properties, usable
-        wanted = method, predictor, prefer, limits
-        for found in (_listing(*question, *wanted), _smallest_first(*question)):
-            looked_at = 0
-            for rated, proven in islice(found, most):
-                looked_at += 1
-                proven = proven and whole
-                plan = make_plan(ontology, service, outputs, rated, proven, predictor)
-                if isinstance(plan, GenerationError):
-                    refused = refused or plan
-                elif _too_wrong(plan):
-                    too_wrong = too_wrong or _too_wrong(plan)
-                elif plan not in tried:
-                    return plan
-                else:
-                    failed.add(plan)
-            if refused is None or looked_at < most:
-                break
+        found = _listing(network, table, properties, usable, method, predictor, prefer, limits)
+        for rated, proven in islice(found, len(tried) + REFUSED_AT_MOST):
+            plan = make_plan(ontology, service, outputs, rated, proven and whole, predictor)
+            if isinstance(plan, GenerationError):
+                refused = refused or plan
+            elif _too_wrong(plan):
+                too_wrong = too_wrong or _too_wrong(plan)
+            elif plan not in tried:
+                return plan
+            else:
+                failed.add(plan)
     if refused is not None:
         raise refused
     if failed:
@@ -281,10 +273,14 @@ def _listing(
     prefer: Collection[str],
     limits: Sequence[Optional[float]],
 ) -> Listing:
-    """Yield joint derivations: the best by `method`, then all, best first."""
+    """Yield joint derivations: the best by `method`, then all, best first.
+
+    Where there are relations to `prefer`, they come first, by whatever method.
+    """
     numbers = [network.number(name) for name in properties]
-    if method == "best" and (predictor is not None or prefer):
-        yield from listing(network, table, properties, usable, predictor, prefer, limits)
+    known = predictor if method == "best" else None
+    if known is not None or prefer:
+        yield from listing(network, table, properties, usable, known, prefer, limits)
         return
     if method == "best":  # much faster than to rank all
         best = BestDerivations(network, table, usable)
@@ -297,14 +293,6 @@ def _listing(
     if len(parts) == len(properties):
         yield rate_joint(parts), method == "best"
         yield from listing(network, table, properties, usable, None)
-
-
-def _smallest_first(
-    network: Network, table: SourceTable, properties: Sequence[str], usable: Optional[Usable]
-) -> Listing:
-    """Yield joint derivations of the fewest relations first."""
-    for rated, _best in listing(network.smallest_first(), table, properties, usable, None):
-        yield rated, False
 
 
 def _nothing(

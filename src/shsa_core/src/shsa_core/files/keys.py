@@ -7,34 +7,13 @@ from typing import Any, Dict, List, Optional, Tuple, Type, Union
 
 from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.files.document import Value
-from shsa_core.files.readers import (
-    ABOVE_0,
-    HIGHEST,
-    Key,
-    Keys,
-    Reader,
-    basic,
-    expert,
-    flag,
-    interval,
-    list_of,
-    mapping,
-    matching,
-    not_negative,
-    number,
-    number_in,
-    one_of,
-    parsed,
-    positive,
-    read_entry,
-    required,
-    share,
-    text,
-    whole_number,
-)
-from shsa_core.language.expression import parse_constraint, parse_expression
+from shsa_core.files.readers import ABOVE_0, HIGHEST, Key, Keys, Reader, basic, flag, interval
+from shsa_core.files.readers import list_of, mapping, matching, not_negative, number, number_in
+from shsa_core.files.readers import one_of, parsed, positive, read_entry, required, share, text
+from shsa_core.files.readers import whole_number
 from shsa_core.language.syntax import is_name
 from shsa_core.language.temporal import parse_formula
+from shsa_core.language.vectors import LONGEST, elements
 from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, default_checks
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
@@ -58,12 +37,12 @@ def _error(value: Value, key: str) -> Error:
 
 ERROR: Keys = {
     "rms": Key(positive, "root mean square of value minus truth", required=True),
-    "bias": expert(number, "mean of value minus truth; at most rms in size"),
-    "p95": expert(not_negative, "95th percentile of its size"),
-    "delay": expert(not_negative, "s by which the value lags"),
-    "baseline": expert(positive, "the RMS error of the mean"),
-    "n": expert(whole_number(10**12), "points that it was measured on"),
-    "source": expert(text, "where it was measured, in words"),
+    "bias": Key(number, "mean of value minus truth; at most rms in size"),
+    "p95": Key(not_negative, "95th percentile of its size"),
+    "delay": Key(not_negative, "s by which the value lags"),
+    "baseline": Key(positive, "the RMS error of the mean"),
+    "n": Key(whole_number(10**12), "points that it was measured on"),
+    "source": Key(text, "where it was measured, in words"),
 }
 """Figures of an error, in the unit of its value; delay in s."""
 _quality = basic(share, "how far it can be trusted; not given: from its error")
@@ -81,36 +60,66 @@ ONTOLOGY: Keys = {
 }
 PROPERTY: Keys = {
     "unit": _unit,
-    "symbol": expert(text, "its sign in formulas"),
-    "usual": expert(interval, "the interval of its 5th to 95th percentile"),
+    "symbol": Key(text, "its sign in formulas"),
+    "usual": Key(interval, "the interval of its 5th to 95th percentile"),
+    "length": Key(
+        whole_number(LONGEST), "it is a vector: `name_0`, `name_1`, ... are its elements"
+    ),
+    "elements": Key(
+        list_of(text, "list of properties"), "it is the vector of these, and has no other key"
+    ),
 }
-CONSTANT: Keys = {"value": required(number, "its value"), "unit": _unit}
-_expression = parsed("expression", parse_expression)
 
 
-def _steps(value: Value, key: str) -> Dict[str, Any]:
+def _numbers(value: Value, key: str, within: int = 2) -> Any:
+    """Return a number, a tuple of them for a vector, or tuples for the rows of a matrix."""
+    if not isinstance(value.data, list) or not within:
+        return value.number(key)
+    found = tuple(_numbers(item, f"an element of {key}", within - 1) for item in value.data)
+    lengths = {len(each) if isinstance(each, tuple) else 0 for each in found}
+    if len(lengths) != 1 or len(found) > LONGEST:
+        what = f"1 to {LONGEST} numbers, or rows of the same length"
+        raise value.error(f"{key} must have {what}")
+    return found
+
+
+CONSTANT: Keys = {
+    "value": required(
+        Reader("number, list of numbers, or list of rows", _numbers),
+        "its value; a list is a vector, a list of rows a matrix",
+    ),
+    "unit": _unit,
+}
+
+
+def _as_it_is(value: Value, key: str) -> Value:
+    return value  # to be unfolded by what the whole file says
+
+
+def _steps(value: Value, key: str) -> Dict[str, Value]:
     entries = value.mapping(key)
     if not entries:
         raise value.error(f"{key} has no entry")
-    return {name: _expression.read(item, f"{key}: {name}") for name, item in entries.items()}
+    return entries
 
 
 FUNCTION: Keys = {
-    "function": basic(_expression, "how it is computed; may stand alone, without this key"),
-    "constraint": basic(
-        parsed("condition", parse_constraint), "where it is false, there is no output"
+    "function": basic(
+        Reader("expression, or list of them", _as_it_is),
+        "how it is computed; may stand alone, without this key; a list: each element of a vector",
     ),
+    "constraint": basic(Reader("condition", _as_it_is), "where it is false, there is no output"),
     "quality": _quality,
     "error": _known_error,
-    "where": expert(
+    "where": Key(
         Reader("mapping", _steps),
         "names for values on the way, and their expressions, in order; as an entry of the relation "
         "itself, for all that it yields",
     ),
-    "not_executable": expert(
+    "not_executable": Key(
         text, "instead of function: a text that is no expression, and becomes no code"
     ),
-    "inputs": expert(
+    "inputs": Key(
         list_of(text, "list of names"), "with not_executable: the properties that it needs"
     ),
 }
@@ -119,7 +128,7 @@ FUNCTION: Keys = {
 
 def _check(kind: Type[Check]) -> Key:
     if kind is Formula:
-        return expert(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
+        return Key(parsed("formula", lambda text: parse_formula(text).text), kind.tells)
     words: Dict[Union[bool, str], Optional[Limit]] = {False: None, True: kind.usual}
     form, highest = "false, true or a number above 0", HIGHEST
     if kind.usual is True:
@@ -127,14 +136,14 @@ def _check(kind: Type[Check]) -> Key:
     elif kind.usual is None:
         form = "false or a number above 0"
         del words[True]
-    return expert(number_in(ABOVE_0, highest, form, words), kind.tells)
+    return Key(number_in(ABOVE_0, highest, form, words), kind.tells)
 
 
 VALUE_CHECKS: Keys = {n: _check(each) for n, each in REGISTRY.items() if each.sample in OF_VALUE}
 MESSAGE_CHECKS: Keys = {n: _check(e) for n, e in REGISTRY.items() if n not in VALUE_CHECKS}
 COUNTS: Keys = {
-    "bad": expert(whole_number(1000), "this many bad messages make a failure"),
-    "of": expert(whole_number(1000), "among this many, the last ones"),
+    "bad": Key(whole_number(1000), "this many bad messages make a failure"),
+    "of": Key(whole_number(1000), "among this many, the last ones"),
 }
 
 
@@ -155,20 +164,40 @@ def _checks(value: Value, key: str) -> Checks:
     return checks
 
 
+_SLICE = re.compile(r"([^()]*)\[(\d{0,6}):(\d{1,6})\]([^()]*)")
+_field = parsed("field of the message", lambda field: str(parse_field(field)))
+
+
+def _fields(value: Value, key: str) -> Dict[str, str]:
+    """Map what the name of a number, or of each element of a vector, ends with to its field."""
+    if isinstance(value.data, list):
+        items = value.data
+    else:
+        cut = _SLICE.fullmatch(value.string(key))
+        if cut is None:
+            return {"": _field.read(value, key)}
+        places = range(int(cut[2] or 0), int(cut[3]))[: LONGEST + 1]
+        texts = (f"{cut[1]}[{place}]{cut[4]}" for place in places)
+        items = [Value(value.where, each, each) for each in texts]
+    if not 0 < len(items) <= LONGEST:
+        raise value.error(f"{key} must have 1 to {LONGEST} elements, not {value.describe()}")
+    return dict(zip(elements("", len(items)), (_field.read(item, key) for item in items)))
+
+
 VALUE: Keys = {
     "field": required(
-        parsed("field of the message", lambda field: str(parse_field(field))),
-        "where in the message the value stands",
+        Reader("field of the message, or list of them", _fields),
+        "where in the message the value stands; of a vector, of each element, or `position[0:6]`",
     ),
     "range": basic(interval, "what it can be at most, in the property's unit; outside, it fails"),
     "usual": basic(interval, "what it usually is; outside, people are warned"),
     "quality": _quality,
     "error": _known_error,
-    "fault_tolerant_error": expert(
+    "fault_tolerant_error": Key(
         positive, "what 95 % of a substitute's error must be within, in the property's unit"
     ),
-    "checks": expert(Reader("mapping", _value_checks), "what else is a failure of the value"),
-    "calibrate": expert(flag, "learn gain and offset of its substitutes while the sensor works"),
+    "checks": Key(Reader("mapping", _value_checks), "what else is a failure of the value"),
+    "calibrate": Key(flag, "learn gain and offset of its substitutes while the sensor works"),
 }
 """A value of a service, under `provides`."""
 
@@ -180,7 +209,11 @@ def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
         try:
             if not is_name(name):
                 raise item.error(f"{name!a} cannot be the name of a property")
-            given[name] = {**read_entry(item, f"the property {name}", VALUE), "where": item.where}
+            keys = read_entry(item, f"the property {name}", VALUE)
+            for end, field in keys["field"].items():
+                if name + end in given:
+                    raise item.error(f"{name}{end} is provided already, as an element of a vector")
+                given[name + end] = {**keys, "field": field, "where": item.where}
         except ModelError as error:
             errors += error.errors
     if errors:
@@ -239,19 +272,19 @@ DEADLINE: Keys = {
 }
 _hosts = list_of(text, "list of hosts")
 PLACEMENT: Keys = {
-    "prefer": expert(_hosts, "where it should run, the best first"),
-    "forbid": expert(_hosts, "where it never runs"),
+    "prefer": Key(_hosts, "where it should run, the best first"),
+    "forbid": Key(_hosts, "where it never runs"),
 }
 LAST_RESORT: Keys = {
-    "values": expert(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
-    "command": expert(
+    "values": Key(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
+    "command": Key(
         Reader("list of words", _command),
         "a program and its arguments, run once and through no shell; from the file alone",
     ),
 }
 HOST: Keys = {
-    "cores": expert(positive, "number of CPUs; not given: nothing is refused"),
-    "link": expert(positive, "bytes/s of its network link; not given: nothing is refused"),
+    "cores": Key(positive, "number of CPUs; not given: nothing is refused"),
+    "link": Key(positive, "bytes/s of its network link; not given: nothing is refused"),
 }
 _CAUSE = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*\Z")
 _GRAPH_NAME = re.compile(r"(/[A-Za-z0-9_]+|[A-Za-z]\w*)(/[A-Za-z0-9_]+)*\Z", re.ASCII)
@@ -278,55 +311,60 @@ SERVICE: Keys = {
         one_of(Contain),
         "node: its node is killed when it fails; none: never; not given: by what would be lost",
     ),
-    "deadline": expert(
+    "deadline": Key(
         Reader("1 to 1e+06 periods, or mapping", _deadline),
         "periods without a message after which a publisher is silent, or how to learn them",
     ),
-    "bridge": expert(
+    "bridge": Key(
         number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
         "periods without a message after which a ready substitute fills in; not given: 2.5 "
         "where standby is hot",
     ),
-    "checks": expert(Reader("mapping", _checks), "what else is a failure of its messages"),
-    "last_resort": expert(
+    "checks": Key(Reader("mapping", _checks), "what else is a failure of its messages"),
+    "last_resort": Key(
         Reader("stop, or mapping", _last_resort), "what is done when nothing can substitute"
     ),
-    "others": expert(one_of(Others), "the content of fields that a substitute does not compute"),
-    "latched": expert(flag, "latched: a late subscriber gets the newest message"),
-    "fails_with": expert(
+    "others": Key(one_of(Others), "the content of fields that a substitute does not compute"),
+    "latched": Key(flag, "latched: a late subscriber gets the newest message"),
+    "fails_with": Key(
         list_of(matching(_CAUSE, "usb_hub or /driver"), "list of names"),
         "common causes: services that name the same cause fail together",
     ),
-    "derived_from": expert(
+    "derived_from": Key(
         list_of(
             matching(_GRAPH_NAME, "odometry, the name of a service, or /odom, a topic"),
             "list of services or topics",
         ),
         "services or topics that its values are computed from; not given: measured",
     ),
-    "prefer": expert(
+    "prefer": Key(
         list_of(text, "list of relations"),
         "relations by which its substitute should be computed, unless they err more than the mean",
     ),
-    "avoid": expert(
+    "avoid": Key(
         list_of(matching(_GRAPH_NAME, "/camera or camera"), "list of nodes"),
         "nodes that its substitute reads only if nothing else is left",
     ),
-    "fault_tolerant_time": expert(
+    "cost": Key(
+        whole_number(10**9),
+        "what reading one of its values costs, as in kB/s; of substitutes that are as good the "
+        "cheaper one is taken",
+    ),
+    "fault_tolerant_time": Key(
         positive, "s without good data that its users tolerate; `shsa check` judges it"
     ),
-    "gate": expert(
+    "gate": Key(
         matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
         "the topic that its node publishes on; a gate checks it and publishes `topic`",
     ),
-    "host": expert(text, "name of the host that its node runs on"),
-    "placement": expert(Reader("mapping", _placement), "where a substitute of it may run"),
-    "on_partition": expert(
+    "host": Key(text, "name of the host that its node runs on"),
+    "placement": Key(Reader("mapping", _placement), "where a substitute of it may run"),
+    "on_partition": Key(
         one_of(OnPartition), "what healing does while its computer cannot be reached"
     ),
 }
 SOM: Keys = {
     "services": required(mapping, "the services, by name"),
     "act": basic(flag, "true: healing acts; otherwise it only advises"),
-    "hosts": expert(mapping, "the robot's computers, by name"),
+    "hosts": Key(mapping, "the robot's computers, by name"),
 }

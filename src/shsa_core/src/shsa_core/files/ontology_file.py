@@ -1,17 +1,22 @@
 """Reads the ontology file (docs/reference/ontology.md describes it)."""
 from functools import partial
-from typing import Callable, Dict, Iterable, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple
+from typing import Optional, Sequence, Set, Tuple
 
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
 from shsa_core.files.keys import CONSTANT, FUNCTION, ONTOLOGY, PROPERTY
 from shsa_core.files.readers import read_entry, read_keys
 from shsa_core.language.expression import Expression, Law, compose
+from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
+from shsa_core.language.vectors import Vector, Vectors, elements, unfold
 from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
 
+MOST_ELEMENTS = 10_000
+"""Of all vectors and matrices that a file declares."""
 _NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
 
 
@@ -41,6 +46,32 @@ def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
     return Ontology(reader.properties, reader.constants, tuple(reader.functions)), reader.errors
 
 
+class _Place(NamedTuple):
+    """The place of an output in a vector of `length`, None: it is a number; `what`: for errors."""
+
+    what: str
+    length: int
+    place: Optional[int]
+    vectors: Vectors
+
+    def read(self, value: Value, key: str, parse: Callable[[str], Any] = parse_expression) -> Any:
+        """Return the expression for this place; of a list the item there."""
+        if self.place is not None and isinstance(value.data, list):
+            if len(value.data) != self.length:
+                raise value.error(f"{key} must have {self.length} items, not {len(value.data)}")
+            value = value.data[self.place]
+        text = value.string(key)
+        try:
+            known = self.vectors
+            return parse(unfold(text, known, self.length, self.place) if known else text)
+        except ExpressionError as error:
+            raise value.error(f"{key}: {error}") from error
+
+    def read_all(self, values: Mapping[str, Value], key: str) -> Dict[str, Expression]:
+        """Return the expressions under some names."""
+        return {name: self.read(value, f"{key}: {name}") for name, value in values.items()}
+
+
 class _Reader:
     """Collects what is valid and what is wrong."""
 
@@ -49,52 +80,94 @@ class _Reader:
         self.constants: Dict[str, Constant] = {}
         self.functions: List[TransferFunction] = []
         self.errors = errors
+        self._vectors: Dict[str, Vector] = {}
+        self._elements = 0
+        self._said: Set[str] = set()
 
     def collect(self, add: Callable[[], None]) -> None:
         """Call `add` and keep its ModelError."""
         try:
             add()
         except ModelError as error:
-            self.errors += error.errors
+            self.errors += [each for each in error.errors if str(each) not in self._said]
+            self._said.update(map(str, error.errors))  # each element says the same
 
     def add_property(self, name: str, value: Value) -> None:
         """Add an entry of `properties`."""
-        self._check_name(name, value, "property")
+        self._check_name(name, value, self.constants)
         given = {}
         if value.data is not None:
             given = read_entry(value, f"the property {name}", PROPERTY)
-        self.properties[name] = Property(name, where=value.where, **given)
+        length, names = given.pop("length", None), given.pop("elements", None)
+        if names is not None:
+            if not names or given or length is not None:
+                raise value.error(f"the property {name} has elements, at least one, or other keys")
+            self._vectors[name] = names
+            return
+        if length is None:
+            self.properties[name] = Property(name, where=value.where, **given)
+            return
+        for each in self._vector(name, length, value, self.constants):
+            # what is said of an element itself counts
+            self.properties.setdefault(each, Property(each, where=value.where, **given))
 
     def add_constant(self, name: str, value: Value) -> None:
         """Add an entry of `constants`."""
-        self._check_name(name, value, "constant")
+        self._check_name(name, value, self.properties)
         given = read_entry(value, f"the constant {name}", CONSTANT)
-        self.constants[name] = Constant(name, where=value.where, **given)
+        self._add_numbers(name, given.pop("value"), given, value)
+
+    def _add_numbers(self, name: str, number: Any, given: Mapping[str, str], value: Value) -> None:
+        if not isinstance(number, tuple):
+            self.constants[name] = Constant(name, number, where=value.where, **given)
+            return
+        names = self._vector(name, len(number), value, self.properties)
+        for each, part in zip(names, number):
+            self._add_numbers(each, part, given, value)
+        if names[0] in self._vectors:  # rows of a matrix
+            self._vectors[name] = tuple(self._vectors.pop(each) for each in names)
+
+    def _vector(
+        self, name: str, length: int, value: Value, others: Collection[str]
+    ) -> Sequence[str]:
+        """Declare a vector; return the names of its elements, which `others` must not have."""
+        self._elements += length
+        if self._elements > MOST_ELEMENTS:
+            raise value.error(f"all vectors have more than {MOST_ELEMENTS} elements together")
+        names = self._vectors[name] = elements(name, length)
+        for each in names:
+            self._check_name(each, value, others)
+        return names
 
     def add_relation(self, relation: str, outputs: Value) -> None:
         """Add an entry of `relations`, in all its directions."""
         if not is_name(relation):
             raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
         directions = dict(outputs.mapping(f"the relation {relation}"))
-        shared: Dict[str, Expression] = {}
+        shared: Mapping[str, Value] = {}
         if "where" in directions and "where" not in self.properties:
             where = directions.pop("where")
             shared = FUNCTION["where"].reader.read(where, f"{relation}: where")
         if not directions:
             raise outputs.error(f"the relation {relation} has no output")
         for output, value in directions.items():
-            self.collect(partial(self._add_function, relation, output, value, shared))
+            vector = self._vectors.get(output)
+            what = f"{relation} for {output}"
+            for place, each in enumerate(vector or (output,)):
+                at = _Place(what, len(vector or ()), place if vector else None, self._vectors)
+                self.collect(partial(self._add_function, relation, each, value, shared, at))
 
-    def _check_name(self, name: str, value: Value, kind: str) -> None:
+    def _check_name(self, name: str, value: Value, others: Collection[str]) -> None:
         if not is_name(name):
+            kind = "property" if others is self.constants else "constant"
             raise value.error(f"a {kind} cannot be named {name!a}; {_NAMES}")
-        if name in self.properties or name in self.constants:
-            raise value.error(f"the name '{name}' is both a property and a constant")
+        if name in others or name in self._vectors:
+            raise value.error(f"the name '{name}' stands for two things")
 
     def _add_function(
-        self, relation: str, output: str, value: Value, shared: Mapping[str, Expression]
+        self, relation: str, output: str, value: Value, shared: Mapping[str, Value], at: "_Place"
     ) -> None:
-        what = f"{relation} for {output}"
+        what = at.what
         if output not in self.properties:
             kind = "is a constant" if output in self.constants else "is not in 'properties'"
             raise value.error(f"the relation {relation} yields '{output}', which {kind}")
@@ -109,13 +182,17 @@ class _Reader:
         if "where" in given and "function" not in given:
             raise value.error(f"{what}: the key 'where' belongs to 'function' alone")
         constraint, error = given.get("constraint"), given.get("error")
+        if constraint is not None:
+            constraint = at.read(constraint, f"{what}: constraint", parse_constraint)
         names = list(given.get("inputs", ()))
         law: Optional[Law] = None
         if "function" in given:
             where = entry.mapping(what).get("where", value)
-            own = given.get("where", {})
-            steps = {**_used(shared, [given["function"], *own.values()]), **own}
-            law = self._law(what, given["function"], steps, where)
+            function = at.read(given["function"], f"{what}: function")
+            own = at.read_all(given.get("where", {}), f"{what}: where")
+            steps = at.read_all(shared, f"{relation}: where")
+            steps = {**_used(steps, [function, *own.values()]), **own}
+            law = self._law(what, function, steps, where)
             names += law.names
         names += constraint.names if constraint else ()
         self._check_inputs(names, relation, output, value)
@@ -137,8 +214,8 @@ class _Reader:
         self, what: str, function: Expression, steps: Dict[str, Expression], value: Value
     ) -> Law:
         for name in steps:
-            if name in self.properties or name in self.constants:
-                kind = "property" if name in self.properties else "constant"
+            if name in self.properties or name in self.constants or name in self._vectors:
+                kind = "constant" if name in self.constants else "property"
                 raise value.error(f"{what}: '{name}' under 'where' is the name of a {kind}")
         try:
             return compose(steps, function)

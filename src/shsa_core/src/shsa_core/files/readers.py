@@ -50,11 +50,6 @@ def basic(reader: Reader, means: str) -> Key:
     return Key(reader, means, basic=True)
 
 
-def expert(reader: Reader, means: str) -> Key:
-    """Return a key that only experts need."""
-    return Key(reader, means)
-
-
 def read_entry(value: Value, what: str, keys: Keys, within: str = "") -> Dict[str, Any]:
     """Return what a mapping says under its keys. Raises ModelErrors: all that is wrong with it."""
     given, errors = read_keys(value, what, keys, within)
@@ -84,7 +79,7 @@ def read_keys(
 def plain_entry(item: Any, keys: Keys) -> Dict[str, Any]:
     """Return a mapping as it is written: basic keys, and others that are not as by default."""
     usual = {field.name: field.default for field in dataclasses.fields(item)}
-    values = {key: getattr(item, key) for key in keys}
+    values = {key: getattr(item, key) for key in keys if key in usual}
     return {
         key: plain(value)
         for key, value in values.items()

@@ -25,7 +25,7 @@ FROM_FILE_ALONE = (
     *("topic", "gate", "type", "node", "policy", "contain"),
     *("host", "placement", "on_partition"),
     *("needed", "deadline", "checks", "fails_with", "derived_from"),
-    *("prefer", "avoid"),
+    *("prefer", "avoid", "cost"),
 )
 """The keys that decide whom healing may kill or start, and where, who may convict, and when it
 looks away."""
@@ -115,7 +115,7 @@ def merge_parameters(
     """
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
-        return current, [_no_services(value, where)]
+        return current, [ModelError(where, "there is no table of services")]
     keys = from_parameters(dict.fromkeys(value), where)
     errors = list(keys.wrong_keys("the SOM", SOM))
     for key, plain_value in {"hosts": _plain_hosts(current), "act": current.act}.items():
@@ -133,14 +133,6 @@ def merge_parameters(
         except ModelError as error:
             errors += error.errors
     return current.with_services(services.values()), errors
-
-
-def _no_services(value: object, where: str) -> ModelError:
-    try:
-        read_entry(from_parameters(value, where), "the SOM", SOM)
-    except ModelError as error:
-        return error.errors[0]
-    return ModelError(where, "there is no table of services")
 
 
 def _host(name: str, value: Value, services: Collection[str]) -> Host:
@@ -175,7 +167,7 @@ def _service(
         raise entry["gate"].error("gate must be another topic than the one that consumers hear")
     if "gate" in given:
         given["beyond_gate"], given["topic"] = given["topic"], given.pop("gate")
-    given["provides"] = _provisions(given["provides"], entry["provides"], given["type"])
+    given["provides"] = _provisions(given["provides"], given["type"])
     service = Service(name=name, where=value.where, **given)
     if service.event_driven:
         _check_event_driven(service, entry)
@@ -185,9 +177,7 @@ def _service(
     return service
 
 
-def _provisions(
-    given: Mapping[str, Dict[str, Any]], value: Value, message_type: str
-) -> Tuple[Provision, ...]:
+def _provisions(given: Mapping[str, Dict[str, Any]], message_type: str) -> Tuple[Provision, ...]:
     fields: Dict[str, str] = {}
     provisions: List[Provision] = []
     errors: List[ModelError] = []
@@ -195,9 +185,10 @@ def _provisions(
         other = fields.setdefault(keys["field"], name)
         if other != name:
             errors.append(
-                value.mapping(name)[name].error(
+                ModelError(
+                    keys["where"],
                     f"the field {keys['field']} provides {other} already; "
-                    "a field can provide one property"
+                    "a field can provide one property",
                 )
             )
         asked, distance = keys.pop("checks", {}), is_distance(message_type, keys["field"])

@@ -3,7 +3,7 @@ import grp
 import os
 import pwd
 import stat
-from typing import Iterator, List
+from typing import Any, Callable, Iterator, List
 
 from shsa_core.errors import ModelError
 from shsa_core.model.som import Som
@@ -57,14 +57,17 @@ def _places(path: str) -> Iterator[str]:
 def _reason(place: str) -> str:
     status = os.lstat(place)
     if status.st_uid not in (0, os.geteuid()):
-        return f"{place} belongs to {_user(status.st_uid)}, who is neither root nor who runs this"
+        owner = _name(pwd.getpwuid, status.st_uid)
+        return f"{place} belongs to {owner}, who is neither root nor who runs this"
     mode = status.st_mode
     if stat.S_ISLNK(mode) or (stat.S_ISDIR(mode) and mode & stat.S_ISVTX):
         return ""  # in a folder like /tmp nobody can replace what is another's
     if mode & stat.S_IWOTH:
         return f"everybody can write {place}: chmod o-w {place}"
     if mode & stat.S_IWGRP and not _alone(status.st_gid, status.st_uid):
-        return f"the group {_group(status.st_gid)} can write {place}: chmod g-w {place}"
+        return (
+            f"the group {_name(grp.getgrgid, status.st_gid)} can write {place}: chmod g-w {place}"
+        )
     return ""
 
 
@@ -78,15 +81,8 @@ def _alone(group: int, user: int) -> bool:
     return set(members) <= {user, 0, os.geteuid()}
 
 
-def _user(number: int) -> str:
+def _name(found: Callable[[int], Any], number: int) -> str:
     try:
-        return pwd.getpwuid(number).pw_name
-    except KeyError:
-        return str(number)
-
-
-def _group(number: int) -> str:
-    try:
-        return grp.getgrgid(number).gr_name
+        return str(found(number)[0])
     except KeyError:
         return str(number)

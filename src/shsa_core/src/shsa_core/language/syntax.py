@@ -8,16 +8,8 @@ import re
 from typing import Callable, Dict, List, NoReturn, Tuple
 
 from shsa_core.errors import ExpressionError
-from shsa_core.language.functions import (
-    CALLS,
-    CONSTANTS,
-    ELAPSED,
-    FUNCTIONS,
-    RESERVED,
-    STATEFUL,
-    Fixed,
-    power,
-)
+from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
+from shsa_core.language.functions import Fixed, power
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
 from shsa_core.text import nearest
 

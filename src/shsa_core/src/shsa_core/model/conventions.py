@@ -158,13 +158,13 @@ CONVENTIONS: Mapping[str, Convention] = {
 
 def with_unknowns(som: Som, layout: Layout) -> Som:
     """Return the SOM with a mark at each value of which its message can say that it is unknown."""
-    return som.with_services(_with_unknowns(service, layout) for service in som)
 
+    def marked(service: Service) -> Service:
+        marks = (_unknown_with(service.type, each.field, layout) for each in service.provides)
+        provides = (replace(each, unknown_with=m) for each, m in zip(service.provides, marks))
+        return replace(service, provides=tuple(provides))
 
-def _with_unknowns(service: Service, layout: Layout) -> Service:
-    marks = (_unknown_with(service.type, each.field, layout) for each in service.provides)
-    provides = tuple(replace(each, unknown_with=m) for each, m in zip(service.provides, marks))
-    return replace(service, provides=provides)
+    return som.with_services(map(marked, som))
 
 
 def _unknown_with(kind: str, field_: str, layout: Layout) -> str:

@@ -54,20 +54,14 @@ def traffic(service: Service) -> float:
     return rate(service) * (MESSAGE_BYTES.get(service.type, OTHER_BYTES) + FRAME_BYTES)
 
 
-def cores(inputs: Iterable[Service], output: Service) -> float:
-    """Return the share of a core that a substitute takes which computes `output` from `inputs`."""
-    return PROCESS_CORES + READ_CORE_S * sum(map(rate, inputs)) + WRITE_CORE_S * rate(output)
-
-
 def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
     """Return the cost of a substitute on a computer, which services call one of `here`.
 
     Inputs of other computers cross its link, and so does the output, as its consumers may be
     anywhere. A service counts once, however many of its values are read.
     """
-    read = {each.name: each for each in inputs}.values()
-    crossing = sum(traffic(each) for each in read if each.host not in here)
-    return Cost(cores(read, output), crossing + traffic(output))
+    idle = idle_cost(inputs, here)
+    return Cost(idle.cores + WRITE_CORE_S * rate(output), idle.link + traffic(output))
 
 
 def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:

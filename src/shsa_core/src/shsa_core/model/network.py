@@ -1,13 +1,10 @@
 """The ontology's graph by numbers: a compact form for the search."""
-import copy
 from typing import Dict, List, Tuple
 
 import networkx as nx
 
-from shsa_core.model.quality import UNIT, cost
+from shsa_core.model.quality import cost
 from shsa_core.model.relation import TransferFunction
-
-RELATION = 64 * UNIT  # dearer than a quality of e**-64
 
 
 class Network:
@@ -42,15 +39,6 @@ class Network:
     def executable(self, function: int) -> bool:
         """Return True if a function has a law."""
         return self.functions[function].law is not None
-
-    def smallest_first(self) -> "Network":
-        """Return a network with relations so dear that the fewest relations are the best.
-
-        Of as many the best is still the one of the highest quality.
-        """
-        other = copy.copy(self)
-        other.costs = [cost + RELATION for cost in self.costs]
-        return other
 
     def number(self, name: str) -> int:
         """Return the number of a property; a new number for a name that the graph does not have."""

@@ -90,6 +90,7 @@ class Service:
     derived_from: Tuple[str, ...] = ()
     prefer: Tuple[str, ...] = ()
     avoid: Tuple[str, ...] = ()
+    cost: int = 1
     beyond_gate: str = ""
     host: str = ""
     placement: Placement = Placement()

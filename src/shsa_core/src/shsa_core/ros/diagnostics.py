@@ -6,6 +6,7 @@ row says whose it is by the full name of its node: `robot1/monitor: battery_curr
 """
 import queue
 import threading
+import time
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 import rospy
@@ -20,11 +21,11 @@ from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.trust.computers import OtherComputer
+from shsa_core.ros.trust.computers import Met
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.agent.remote import HostState
+from shsa_core.ros.agent.all_hosts import HostState
 from shsa_core.text import shown
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
@@ -98,18 +99,19 @@ def _service_row(
     return _row(service.name, level, text, pairs, service.node)
 
 
-def computer_row(seen: OtherComputer) -> DiagnosticStatus:
-    """Another computer, and how its wall clock differs from ours."""
-    text = f"its clock is {abs(seen.offset):.4f} s {'ahead' if seen.offset > 0.0 else 'behind'}"
+def computer_row(met: Met) -> DiagnosticStatus:
+    """Return the row of another computer: how its wall clock differs from ours."""
+    ahead, trip = met.ahead / 1e9, met.round_trip / 1e9
     values = {
-        "clock offset (s)": f"{seen.offset:+.6f}",
-        "known within (s)": f"{seen.bound:.6f}",
-        "round trip (s)": f"{seen.round_trip:.6f}",
-        "measured (s ago)": f"{seen.age:.0f}",
+        "clock offset (s)": f"{ahead:+.6f}",
+        "known within (s)": f"{trip / 2:.6f}",
+        "round trip (s)": f"{trip:.6f}",
+        "measured (s ago)": f"{time.monotonic() - met.answered / 1e9:.0f}",
     }
-    level = WARN if abs(seen.offset) - seen.bound > CLOCK_JUMP_S else OK
-    name = f"computer {seen.host} at {seen.address}"
-    return _row(name, level, f"{text}, known within {seen.bound:.4f} s", values.items(), seen.host)
+    level = WARN if abs(ahead) - trip / 2 > CLOCK_JUMP_S else OK
+    text = f"its clock is {abs(ahead):.4f} s {'ahead' if ahead > 0.0 else 'behind'}"
+    name = f"computer {met.host} at {met.address}"
+    return _row(name, level, f"{text}, known within {trip / 2:.4f} s", values.items(), met.host)
 
 
 def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
@@ -203,17 +205,17 @@ def healing_rows(given: Healing) -> List[DiagnosticStatus]:
 
 
 def _host_row(host: HostState) -> DiagnosticStatus:
-    name = f"host {host.name}"
-    if host.silent is None:
+    name, seen = f"host {host.name}", host.seen
+    if seen is None:
         return _row(name, WARN, "its agent was not heard yet")
-    level, text = OK, f"{host.load:.1f} of {host.cores:g} cores are busy"
+    level, text = OK, f"{seen.load:.1f} of {seen.cores:g} cores are busy"
     if not host.reached:
         level, text = ERROR, f"it cannot be reached, for {host.silent:.1f} s"
     values = {
-        "busy cores": f"{host.load:.2f}",
-        "cores": f"{host.cores:g}",
-        "sent": f"{host.transmitted:.0f} bytes/s",
-        "received": f"{host.received:.0f} bytes/s",
+        "busy cores": f"{seen.load:.2f}",
+        "cores": f"{seen.cores:g}",
+        "sent": f"{seen.sent:.0f} bytes/s",
+        "received": f"{seen.received:.0f} bytes/s",
         "silent": f"{host.silent:.1f} s",
     }
     return _row(name, level, text, values.items())

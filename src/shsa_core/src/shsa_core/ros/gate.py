@@ -26,8 +26,8 @@ from shsa_core.ros.reader import ALL, Reader
 from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.node import LOG, run
-from shsa_core.ros.wire import monitoring as wire
+from shsa_core.ros.node import LOG, guarded, run
+from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
 
@@ -68,12 +68,7 @@ class GateNode:
     def spin(self) -> None:
         """Handle events until ROS shuts down."""
         while not rospy.is_shutdown():
-            try:
-                self._turn()
-            except Exception as error:  # whatever it is, the gate goes on
-                if not rospy.core.is_shutdown_requested():
-                    text = f"Gate: {type(error).__name__}: {error}"
-                    rospy.logerr_throttle_identical(10.0, text)
+            guarded("The gate", self._turn)
 
     def _turn(self) -> None:
         """Wait for something to do, and feed everything that has come."""

@@ -10,17 +10,15 @@ import argparse
 import sys
 from collections import deque
 from functools import partial
-from typing import Any, Callable, Deque, List, Optional, Set
+from typing import Deque, Dict, List, Optional, Set
 
 import rospy
 from shsa_msgs import msg
 
-from shsa_core import message_types
+from shsa_core import dispatch, message_types
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import load_som, read_som
-from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import EMPTY, Ontology
@@ -30,9 +28,8 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.handover import await_turn
-from shsa_core.ros.monitor_commands import Commands
-from shsa_core.ros.node import run
+from shsa_core.ros.processes.launch import await_turn
+from shsa_core.ros.node import guarded, read_parameters, recorded, run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
@@ -41,9 +38,10 @@ from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master import som_parameter
-from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.wire import monitoring as wire
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
+from shsa_core.ros.workers import Workers
 
 
 class MonitorNode:
@@ -57,18 +55,12 @@ class MonitorNode:
     def __init__(self, arguments: argparse.Namespace) -> None:
         som, self._arguments = _read(arguments), arguments
         signing = Signing(arguments.secret)
-        parameters, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
-        for error in errors:
-            rospy.logerr("Refused: %s. The default is used.", error)
+        parameters = read_parameters(Settings)
         ontology = _read_ontology(arguments.ontology)
         self._core = Monitor(parameters, ontology)
-        self._answer: Handle = self._core.handle
-        self._journal: Optional[JournalWriter] = None
-        if arguments.journal:
-            path = file_name(arguments.journal, rospy.get_namespace())
-            setup = {"settings": parameters, "ontology": ontology}
-            self._journal = JournalWriter(path, "monitoring", setup, rospy.logwarn)
-            self._answer = self._journal.recorded(self._answer)
+        journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
+        setup = {"settings": parameters, "ontology": ontology}
+        self._answer, self._close = recorded(journal, "monitoring", setup, self._core.handle)
         self._launch, self._launches = Launch(), Launches()
         self._subscriptions = subscriptions.Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
@@ -76,13 +68,38 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        self._commands = Commands(self._last_messages, signing, arguments.host)
+        self._sign = signing.signer(names.FAILURES, msg.Failure)
+        self._parameters = Workers("parameters")
+        self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
+        self._failures = rospy.Publisher(
+            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
+        )
+        health, calibrations = (
+            names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
+        )
+        self._health = TablePublisher(
+            health, msg.Health, "publishers", wire.health_row_key, signing
+        )
+        key = wire.calibration_row_key
+        self._calibrations = TablePublisher(
+            calibrations, msg.Calibrations, "calibrations", key, signing
+        )
+        self._carry_out: dispatch.Table[None] = dispatch.table(
+            events.Command,
+            {
+                events.HealthChanged: self._tell_health,
+                events.ChangeRefused: self._put_back,
+                events.CalibrationsChanged: self._tell_calibrations,
+                events.Told: lambda c: (rospy.logwarn if c.warning else rospy.loginfo)(
+                    "%s.", c.text
+                ),
+            },
+        )
         self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
         self._looked = self._told_clock = self._fed = clock.now()
         self._ahead = 0.0
-        self._ends = False
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
             lambda: self._inbox.put(self._report),
@@ -97,7 +114,7 @@ class MonitorNode:
         namespace = rospy.get_namespace()
         reread = lambda: read_som(arguments.som, namespace)
         watch = later(self._som_changed), arguments.live_parameters, reread
-        self._commands.on_server = som_parameter.SomWatch(som, *watch).put_back
+        self._som_watch = som_parameter.SomWatch(som, *watch)
         changed = later(self._substitutions_changed)
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, changed, signing)
         TableSubscriber(names.SOM_STATE, msg.SomState, later(self._som_state), signing)
@@ -105,9 +122,8 @@ class MonitorNode:
     def spin(self) -> None:
         """Handle events until ROS shuts down."""
         while not rospy.is_shutdown():
-            self._guarded(self._turn)
-        if self._journal is not None:
-            self._journal.close()
+            guarded("The monitor", self._turn)
+        self._close()
 
     def _turn(self) -> None:
         """Wait for something to do, read everything that has come, then let time pass."""
@@ -123,7 +139,7 @@ class MonitorNode:
         items = self._inbox.take()
         self._heed_launch()
         for item in items:
-            self._guarded(item)
+            guarded("The monitor", item)
         self._tell_clock()
         happenings = self._subscriptions.read(self._fed)
         self._heed_launch()
@@ -133,8 +149,8 @@ class MonitorNode:
                 self._looked = happening.time
                 self._feed(events.Tick(happening.time, max(0.0, woke - wanted)))
             else:
-                self._guarded(self._happened, happening)
-        self._commands.tell_changes()
+                guarded("The monitor", self._happened, happening)
+        self._tell_changes()
         self._subscribe_next()
 
     def _heed_launch(self) -> None:
@@ -142,8 +158,7 @@ class MonitorNode:
 
         Who stops because of that stops after it was told to, and so after the launch has said it.
         """
-        if not self._ends and self._launch.ending():
-            self._ends = True
+        if self._launch.ending():
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
         nodes = self._launches.ending()
@@ -161,14 +176,6 @@ class MonitorNode:
             path = self._arguments.pressure
             waited = (*waited_in_all(path), *self._launches.waited()) if path else ()
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
-
-    def _guarded(self, handle: Callable[..., object], *what: Any) -> None:
-        """Handle something; whatever goes wrong with it, the rest is still handled."""
-        try:
-            handle(*what)
-        except Exception as error:  # whatever it is, the monitor goes on
-            if not rospy.core.is_shutdown_requested():
-                rospy.logerr_throttle_identical(10.0, f"Monitor: {type(error).__name__}: {error}")
 
     def _happened(self, happening: subscriptions.Happening) -> None:
         """Feed what happened at a connection."""
@@ -197,7 +204,40 @@ class MonitorNode:
     def _feed(self, event: events.Event) -> None:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before
             self._fed = event.time
-        self._commands.carry_out(self._answer(event))
+        for command in self._answer(event):
+            self._carry_out[type(command)](command)
+
+    # Commands.
+
+    def _tell_changes(self) -> None:
+        """Publish what has changed in the table of health."""
+        changes, self._changes = self._changes, {}
+        rows = [wire.health_row(row) for row in changes.values() if row is not None]
+        removed = [wire.health_key(key) for key, row in changes.items() if row is None]
+        self._health.update(rows, removed)
+
+    def _tell_health(self, change: events.HealthChanged) -> None:
+        """Tell failures at once; else a turn's changes are published together."""
+        self._changes.update({key: None for key in change.removed})
+        rows, failed = self._last_messages.rows(change)
+        self._changes.update({row.key: row for row in rows})
+        if failed:
+            self._tell_changes()
+        for row in failed:
+            self._failures.publish(self._sign(wire.failure_message(row)))
+
+    def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
+        rows = map(wire.calibration_row, change.rows)
+        self._calibrations.update(rows, [wire.calibration_key(*key) for key in change.removed])
+
+    def _put_back(self, refusal: events.ChangeRefused) -> None:
+        """Put the numbers that count back, for all who read them, and tell what is refused."""
+        service = refusal.service
+        text = "Refused: %s. If it is meant, stop the node, change it, and start the node again."
+        rospy.logwarn(text, refusal.text)
+        self._parameters.put(lambda: self._som_watch.put_back(service))
+
+    # Tables and the SOM.
 
     def _som_state(self, table: msg.SomState) -> None:
         if table.whole:  # what is told later follows from what we say ourselves

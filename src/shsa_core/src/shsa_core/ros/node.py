@@ -4,12 +4,13 @@ import logging
 import resource
 import sys
 import threading
-from typing import Any, Callable, Dict
+from typing import Any, Callable, Dict, Mapping, Sequence, Tuple, Type, TypeVar
 
 import genpy
 import rospy
 
 from shsa_core.errors import ModelError, ShsaError
+from shsa_core.files.parameters import read_settings
 from shsa_core.model.log import Level
 from shsa_core.ros import settings
 from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
@@ -19,6 +20,9 @@ from shsa_core.ros.rospy_patches.standing import heed_launch, keep_rospys_thread
 from shsa_core.ros.trust.owners import speaker
 from shsa_core.text import LONGEST_LINE, shown
 
+Settings = TypeVar("Settings")
+Handle = Callable[[Any], Sequence[Any]]
+"""Handles an event of a core; returns its commands."""
 Tell = Callable[[Any], None]
 """Publishes a message to one subscriber alone."""
 LOG: Dict[Level, Callable[..., None]] = {
@@ -50,7 +54,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     gc.freeze()  # what is loaded stays: to go through it for garbage stops all threads for 40 ms
     done = threading.Event()
 
-    def guarded() -> None:
+    def watched() -> None:
         try:
             work()
             done.set()
@@ -63,7 +67,7 @@ def run(name: str, work: Callable[[], None]) -> None:
                 raise
             done.set()
 
-    thread = threading.Thread(target=guarded, name="work", daemon=True)
+    thread = threading.Thread(target=watched, name="work", daemon=True)
     thread.start()
     while thread.is_alive() and not rospy.is_shutdown():
         rospy.rostime.wallsleep(settings.TURN_S)
@@ -74,6 +78,39 @@ def run(name: str, work: Callable[[], None]) -> None:
     log.close()
     if not done.is_set():
         sys.exit(1)
+
+
+def read_parameters(kind: Type[Settings]) -> Settings:
+    """Return the settings that the node's parameters ask for; what is wrong is named."""
+    found, errors = read_settings(kind, rospy.get_param("~", {}), rospy.get_name())
+    for error in errors:
+        rospy.logerr("Refused: %s. The default is used.", error)
+    return found
+
+
+def recorded(
+    path: str, machine: str, setup: Mapping[str, Any], handle: Handle
+) -> Tuple[Handle, Callable[[], None]]:
+    """Return what handles an event and records it in the file `path`, and what ends that file.
+
+    Nothing is recorded where the path is empty.
+    """
+    if not path:
+        return handle, lambda: None
+    from shsa_core.journal.writer import JournalWriter  # not for those who keep none: it takes long
+
+    journal = JournalWriter(path, machine, setup, rospy.logwarn)
+    return journal.recorded(handle), journal.close
+
+
+def guarded(who: str, handle: Callable[..., object], *what: Any) -> None:
+    """Handle something; whatever goes wrong with it, the rest is still handled."""
+    try:
+        handle(*what)
+    except Exception as error:  # whatever it is, the node goes on
+        if not rospy.core.is_shutdown_requested():
+            text = f"{who} could not handle something: {type(error).__name__}: {error}"
+            rospy.logerr_throttle_identical(10.0, text)
 
 
 def _log_plainly() -> None:

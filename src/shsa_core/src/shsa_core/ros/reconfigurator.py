@@ -19,7 +19,6 @@ from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.parameters import read_settings
 from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.trust import refuse_others_commands
 from shsa_core.healing import events
@@ -28,14 +27,13 @@ from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.journal.writer import Handle, JournalWriter
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.processes.launch import Launch
@@ -52,8 +50,8 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.maintenance import maintain, maintained
-from shsa_core.ros.node import LOG, run
+from shsa_core.ros.succession import maintain, maintained
+from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import take_over
@@ -71,15 +69,13 @@ class ReconfiguratorNode:
     Parameters: those of shsa_core.healing.settings. Raises ModelError if a file is not valid.
     """
 
-    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
+    def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
-        settings, errors = read_settings(Settings, rospy.get_param("~", {}), rospy.get_name())
-        for error in errors:
-            rospy.logerr("Refused: %s. The default is used.", error)
+        settings = read_parameters(Settings)
         setup = {
             "ontology": ontology,
             "som": self._usable(som),
@@ -97,21 +93,18 @@ class ReconfiguratorNode:
         for finding in (*check_budgets(som, settings), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
-        self._answer: Handle = self._core.handle
-        self._journal: Optional[JournalWriter] = None
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
-        if journal:
-            self._journal = JournalWriter(journal, "healing", setup, rospy.logwarn)
-            self._answer = self._journal.recorded(self._answer)
+        self._answer, self._close = recorded(journal, "healing", setup, self._core.handle)
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
-        self._handover, self._ends = handover, False
+        self._followed = followed
         signs = Signs(RECONFIGURATOR)
         self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
-        journals = _substitute_journals(journal)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
+        # Beside our own journal.
+        journals = os.path.splitext(journal)[0] + ".substitute_" if journal else ""
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
@@ -132,15 +125,17 @@ class ReconfiguratorNode:
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
-        self._records: Optional[RecordFile] = None
+        self._records: RecordFile
         self._commands = Workers("command", MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
                 **dict.fromkeys(get_args(HostCommand), self._on_host),
-                events.WriteDown: self._write_down,
+                events.WriteDown: lambda c: self._records.write(c.records, c.removed),
                 events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
-                events.AssignSubstitute: self._assigned,
+                events.AssignSubstitute: lambda c: self._put(
+                    events.SubstituteStarted(clock.now(), c.node, self._decided)
+                ),
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
@@ -199,24 +194,17 @@ class ReconfiguratorNode:
         self._spins = True
         while not rospy.is_shutdown():
             self._companion.beat()
-            work = self._next()
-            try:
-                work()
-            except Exception as error:  # whatever it is, healing goes on
-                if not rospy.core.is_shutdown_requested():
-                    rospy.logerr("The reconfigurator could not handle an event: %r", error)
+            guarded("The reconfigurator", self._next())
         self._spins = False
-        if not self._handover.followed:
+        if not self._followed():
             self._stop_all()
         self._incidents.close()
-        if self._records is not None:
-            self._records.close()
-        if self._journal is not None:
-            self._journal.close()
+        self._records.close()
+        self._close()
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._hosts.names and not self._handover.followed:
+        if self._spins and self._hosts.names and not self._followed():
             self._queue.put(self._stop_all)
             self._stopped.wait(settings.ANSWER_S)
 
@@ -274,8 +262,7 @@ class ReconfiguratorNode:
         self._queue.put(lambda: self._handle(event))
 
     def _handle(self, event: Event) -> None:
-        if not self._ends and self._launch.ending():
-            self._ends = True
+        if self._launch.ending():
             self._decide(events.LaunchEnding(event.time))
         self._decide(event)
 
@@ -307,13 +294,6 @@ class ReconfiguratorNode:
         ends = names.host_commands, names.host_events
         topics = (topic(host) for host in hosts for topic in ends)
         self._master.introduce(*map(rospy.resolve_name, topics))
-
-    def _assigned(self, command: events.AssignSubstitute) -> None:
-        self._put(events.SubstituteStarted(clock.now(), command.node, self._decided))
-
-    def _write_down(self, command: events.WriteDown) -> None:
-        assert self._records is not None
-        self._records.write(command.records, command.removed)
 
     def _run_command(self, command: events.RunCommand) -> None:
         """Run a user's program, given as a list and through no shell, and wait for it."""
@@ -394,40 +374,33 @@ class ReconfiguratorNode:
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
+        self._heard(names.FAILURES, lambda: wire.failure_seen(message))
+
+    def _heard(self, topic: str, read: Callable[[], Event]) -> None:
         try:
-            self._put(wire.failure_seen(message))
+            self._put(read())
         except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.FAILURES, error)
+            rospy.logerr("Refused a message on %s: %s.", topic, error)
 
     def _hear_monitors(self, som: Som) -> None:
-        """Hear the monitors of more computers; no host: the monitor of all others."""
-        for host in ("", *som.hosts):
-            if host not in self._monitors:
-                self._monitors[host] = self._hear_monitor(host, self._signing)
-
-    def _hear_monitor(self, host: str, signing: Signing) -> TableSubscriber:
-        """Hear the monitor of a computer, if it has one."""
-        health, calibrations = (
-            names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
-        )
-        self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
-        TableSubscriber(calibrations, msg.Calibrations, self._calibrated, signing)
-        return TableSubscriber(health, msg.Health, partial(self._health, host), signing)
+        """Hear the monitors of more computers, if they have one; no host: that of all others."""
+        for host in {"", *som.hosts} - self._monitors.keys():
+            health, calibrations = (
+                names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
+            )
+            self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
+            TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
+            heard = partial(self._health, host)
+            self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
         before = self._health_began.get(host, 0)
         anew = before not in (0, message.began)  # another monitor
         self._health_began[host] = message.began
-        try:
-            self._put(wire.health_seen(message, anew, host))
-        except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.HEALTH, error)
+        self._heard(names.HEALTH, lambda: wire.health_seen(message, anew, host))
 
     def _calibrated(self, message: msg.Calibrations) -> None:
-        try:
-            self._put(wire.calibrations_heard(message))
-        except ShsaError as error:
-            rospy.logerr("Refused a message on %s: %s.", names.CALIBRATIONS, error)
+        self._heard(names.CALIBRATIONS, lambda: wire.calibrations_heard(message))
 
 
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
@@ -444,11 +417,6 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
-
-
-def _substitute_journals(journal: str) -> str:
-    """Return the prefix of the substitutes' journals, beside the reconfigurator's own."""
-    return os.path.splitext(journal)[0] + ".substitute_" if journal else ""
 
 
 def main() -> None:
@@ -474,5 +442,5 @@ def main() -> None:
     parser.add_argument("--sandbox", type=shlex.split, default="", help=sandbox)
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     await_turn("reconfigurator")
-    handover = Handover()
-    run("reconfigurator", lambda: ReconfiguratorNode(arguments, handover).spin())
+    followed = hear_successor()
+    run("reconfigurator", lambda: ReconfiguratorNode(arguments, followed).spin())

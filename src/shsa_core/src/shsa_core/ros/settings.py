@@ -22,8 +22,6 @@ LOOKED_AT = 20
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """There from the start: a call is made even where no thread can be started any more."""
-SAY_AGAIN_S = 60.0
-"""Between two lines of the log on the same trouble, or on the same sender."""
 
 # Reading connections.
 TRIES = 3
@@ -47,8 +45,6 @@ CONSUMER_QUEUE = 10
 PAUSE_S = 0.005
 """Between two calls that are in no hurry: topics that the monitor subscribes, nodes that are
 learned, registrations of what stands by. Each costs others work."""
-ALONE_S = 60.0
-"""So long a substitute goes on without a reconfigurator, which a launch starts again within 2 s."""
 
 # Who is at the other end of a connection.
 MOST_ASKING_MASTER = 4
@@ -62,7 +58,7 @@ MOST_CALLS = 32
 
 # Tables.
 QUEUE = 200
-"""Messages that wait for a slow subscriber. It misses those beyond, and then subscribes again."""
+"""Messages that wait for a slow subscriber. It misses those beyond, and then begins anew."""
 
 # What rospy is held to.
 MOST_WAITING = 100
@@ -102,7 +98,9 @@ PATIENCE_S = 2.0
 """So long somebody is given who may take a while: the master of a large robot to answer, anybody to
 say who connects to us, a process to begin or to end, a log to take its last lines."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
-"""Between two tries of what fails, as of a fork, or a table: the pause doubles each time."""
+"""Between two tries of what fails, as of a fork, or a table: it doubles each time. The longest is
+between two log lines on the same trouble or sender as well, and how long a substitute goes on
+without a reconfigurator, which a launch starts again within 2 s."""
 
 # Agents on other computers.
 LOST_BEATS = 10

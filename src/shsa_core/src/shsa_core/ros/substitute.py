@@ -1,35 +1,40 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
-import functools
 import os
+import sys
 import threading
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Callable, Optional, Union
+from functools import cached_property, lru_cache, partial
+from typing import Callable, Iterable, Iterator, List, Optional, Set, Tuple, Union
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
-from shsa_core.model.substitution import Substitution
+from shsa_core.message_types import message_class
+from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.ros import clock, settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.master import announce
-from shsa_core.ros.master.bus import Originals
+from shsa_core.ros.master.node_api import Originals
 from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.messages.composing import read_message
+from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.node import LOG
+from shsa_core.ros.node import LOG, recorded, run
 from shsa_core.ros.outputs import Outputs
-from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer, hears
-from shsa_core.ros.row_reader import RowReader, last_message, unusable
+from shsa_core.ros.processes import priority
+from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.workers import Workers
 from shsa_core.substitution import events, machine, sharing
+from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
-if TYPE_CHECKING:
-    from shsa_core.journal.writer import JournalWriter
+USAGE = "usage: rosrun shsa_core substitute INPUTS CODE OUTPUT"
 
 
 class SubstituteNode:
@@ -40,12 +45,7 @@ class SubstituteNode:
     started by hand, it takes no commands. `rests`: its priority while what it does does not matter.
     """
 
-    def __init__(
-        self,
-        row: Substitution,
-        journal: Optional["JournalWriter"] = None,
-        rests: Optional[int] = None,
-    ) -> None:
+    def __init__(self, row: Substitution, rests: Optional[int] = None) -> None:
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
@@ -56,8 +56,9 @@ class SubstituteNode:
         self._core: Union[machine.Substitute, sharing.Sharing] = (
             sharing.Sharing() if row.shared else machine.Substitute()
         )
-        handle = self._core.handle
-        self._journal, self._answer = journal, journal.recorded(handle) if journal else handle
+        machine_name = "sharing" if row.shared else "substitution"
+        journal = os.environ.get(JOURNAL, "")
+        self._answer, self._close = recorded(journal, machine_name, {}, self._core.handle)
         self._inputs = Inputs(row.node, self._clock, rests)
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
@@ -87,8 +88,13 @@ class SubstituteNode:
                 ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
-                events.Announce: self._announce,
-                events.Remind: self._remind,
+                events.Announce: lambda c: self._call(
+                    f"announcing {c.topic}", lambda: announce.announce(c.topic, c.type)
+                ),
+                events.Remind: lambda c: self._call(
+                    f"telling the subscribers of {', '.join(c.topics)} who publishes them",
+                    lambda: announce.remind(c.topics, self._outputs.connected),
+                ),
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.LookAtHealer: self._look_at_healer,
@@ -107,8 +113,7 @@ class SubstituteNode:
         try:
             self._follow()
         finally:
-            if self._journal is not None:
-                self._journal.close()
+            self._close()
 
     def _follow(self) -> None:
         if not self._row.shared:
@@ -120,7 +125,7 @@ class SubstituteNode:
             self._telling.put(self._failures)  # known before it has something to tell
             if self._rows.idle and not self._row.shared:
                 checked = self._signing.checked(names.FAILURES, msg.Failure)
-                hear = functools.partial(self._signing.subscribe, names.FAILURES, checked)
+                hear = partial(self._signing.subscribe, names.FAILURES, checked)
                 self._telling.put(lambda: hear(self._failed))
         alone = cut_off = False
         while not rospy.is_shutdown():
@@ -130,9 +135,9 @@ class SubstituteNode:
             if self._heart.cut_off is not cut_off:
                 cut_off = not cut_off
                 self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > settings.ALONE_S and not alone:
+            if self._heart.unheard > settings.LONGEST_PAUSE_S and not alone:
                 self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > settings.ALONE_S
+            alone = self._heart.unheard > settings.LONGEST_PAUSE_S
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
@@ -166,11 +171,17 @@ class SubstituteNode:
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
-            self._register(functools.partial(self._inputs.listen, signal))
+            self._register(partial(self._inputs.listen, signal))
+
+    @cached_property
+    def _to_monitor(self) -> Heart:
+        """Beats to the monitor: only who fills in need know whether it is there."""
+        return Heart(MONITOR)
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        alone = not self._heart.beat(at_once=True) or not (self._host or hears(MONITOR))
+        near = self._host or self._to_monitor.beat(at_once=True)
+        alone = not self._heart.beat(at_once=True) or not near
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _look_at_healer(self, _: events.LookAtHealer) -> None:
@@ -182,6 +193,9 @@ class SubstituteNode:
         row, now = command.row, self._clock.now()
         last, ros_time = last_message(row), clock.ros_ns()
         self._changed(events.RowChanged(now, row, unusable(row), last, ros_time))
+
+    def _give_up(self, command: events.GiveUp) -> None:
+        raise ShsaError(command.reason)
 
     def _compose(self, command: events.Compose) -> None:
         if command.overheard:
@@ -203,18 +217,6 @@ class SubstituteNode:
             # A value that the message cannot hold is no value.
             topic = command.outputs[0].topic
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
-
-    def _announce(self, command: events.Announce) -> None:
-        self._call(
-            f"announcing {command.topic}",
-            lambda: announce.announce(command.topic, command.type),
-        )
-
-    def _remind(self, command: events.Remind) -> None:
-        self._call(
-            f"telling the subscribers of {', '.join(command.topics)} who publishes them",
-            lambda: announce.remind(command.topics, self._outputs.connected),
-        )
 
     def _call(self, what: str, call: Callable[[], None]) -> None:
         def guarded() -> None:
@@ -246,7 +248,7 @@ class SubstituteNode:
         failure.header.stamp = rospy.Time.now()
         self._telling.put(lambda: self._failures()(failure))
 
-    @functools.lru_cache(maxsize=None)
+    @lru_cache(maxsize=None)
     def _failures(self) -> Callable[[msg.Failure], None]:
         """Return what publishes its failures; made once, where it may wait for the master."""
         assert self._signing is not None
@@ -254,5 +256,113 @@ class SubstituteNode:
         publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
         return lambda failure: publisher.publish(sign(failure))
 
-    def _give_up(self, command: events.GiveUp) -> None:
-        raise ShsaError(command.reason)
+
+class RowReader:
+    """The rows of the node `name`; one that is `idle` hears of the plans as well."""
+
+    def __init__(self, name: str, idle: bool) -> None:
+        self.idle = idle
+        self._name = name
+        self._listed: Set[str] = set()
+
+    def read(self, message: msg.Substitutions, now: float) -> List[events.Event]:
+        """Return what a table changes, `now` in s."""
+        found: List[events.Event] = []
+        ours = [row for row in message.substitutions if row.node == self._name]
+        for row in _rows(ours):
+            self._listed.add(row_key(row))
+            self.idle = row.idle
+            last = last_message(row)
+            found.append(events.RowChanged(now, row, unusable(row), last, clock.ros_ns()))
+        told = {row_key(row) for row in ours}
+        ended = self._listed.intersection(message.removed) - told
+        for key in (self._listed - told) if message.whole else ended:
+            self._listed.discard(key)
+            found.append(events.RowRemoved(now, key.partition(" ")[2], key in ended))
+        if self.idle:
+            plans = tuple(_rows(row for row in message.substitutions if not row.node))
+            problems = tuple(each for plan in plans for each in unusable(plan))
+            told_gone, whole = tuple(message.removed), message.whole
+            found.append(events.PlansChanged(now, plans, told_gone, whole, problems))
+        return found
+
+
+def _rows(messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
+    """Yield the rows of a table; one that is none costs no other."""
+    for each in messages:
+        try:
+            yield substitution_row(each)
+        except ShsaError as error:
+            text = f"A row for {each.service} is refused: {error}"
+            rospy.logwarn_throttle_identical(60.0, text)
+
+
+def unusable(row: Substitution) -> events.Unusable:
+    """Return the signals of a row that cannot be read or written here, each with the reason."""
+    problems = [(each, problem(each.type, each.field, False)) for each in row.inputs]
+    problems += [(each, problem(each.type, each.field, True)) for each in row.outputs]
+    return tuple((signal, why) for signal, why in problems if why)
+
+
+def last_message(row: Substitution) -> Optional[events.LastMessage]:
+    """Return what the last good message of a row held; None if there is none to be read."""
+    if not row.last_message or not row.outputs:
+        return None
+    try:
+        kind = message_class(row.outputs[0].type)
+        message = read_message(kind, row.last_message)
+        fields = (signal.field for signal in row.outputs)
+        found = ((field, Field(kind, field).get(message)) for field in fields)
+        values = tuple((field, value) for field, value in found if value is not None)
+    except ShsaError as error:
+        text = f"{row.node}: the last message of {row.service} is not used: {error}"
+        rospy.logwarn_throttle_identical(60.0, text)
+        return None
+    stamp = message.header.stamp.to_nsec() if kind._has_header else 0
+    return events.LastMessage(values, min(stamp, clock.ros_ns()))
+
+
+def _paths(text: str) -> Tuple[str, ...]:
+    return tuple(path.strip() for path in text.split(",") if path.strip())
+
+
+def _row(inputs: str, code: str, outputs: str) -> Substitution:
+    """Return the row of three strings; it is muted at first if their signals came with them.
+
+    Else somebody has started it by hand: SOM and graph are asked.
+    """
+    paths, text = (_paths(inputs), _paths(outputs)), os.environ.get(VARIABLE)
+    if text is not None:
+        signals = decode(text)
+        if tuple(tuple(signal.path for signal in each) for each in signals) != paths:
+            raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")
+        return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
+    # Not for those who ask nobody: it takes long.
+    from shsa_core.ros.master.som_parameter import look_up
+
+    ends = (look_up(each) for each in paths)
+    muted = bool(rospy.get_param("~muted", False))
+    return Substitution(rospy.get_name(), "", next(ends), code, next(ends), publishing=not muted)
+
+
+def main() -> None:
+    """Run the node: three strings on the command line.
+
+    `~muted` starts it muted; the environment's SHSA_JOURNAL is a file for every event.
+    """
+    arguments = rospy.myargv(sys.argv)[1:]
+    if len(arguments) != 3:
+        raise SystemExit(USAGE)
+    rests = priority.USUAL if VARIABLE in os.environ else None
+    run("substitute", lambda: SubstituteNode(_row(*arguments), rests).spin())
+
+
+def standby() -> None:
+    """Run an idle substitute, to be given its program by its row.
+
+    With `--shared`, by its rows: it holds several.
+    """
+    shared = SHARED in rospy.myargv(sys.argv)[1:]
+    priority.set_all(priority.STANDS_BY)
+    row = lambda: Substitution(rospy.get_name(), "", (), "", (), shared=shared)
+    run("standby", lambda: SubstituteNode(row(), priority.STANDS_BY).spin())

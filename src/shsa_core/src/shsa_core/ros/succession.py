@@ -1,4 +1,8 @@
-"""Takes over what a former reconfigurator has left: its records, and what still runs."""
+"""Takes over what a former reconfigurator has left: its records, and what still runs.
+
+That a robot is maintained is a file beside them, which only our own account can write: it outlives
+the reconfigurator and the boot, and needs no ROS master.
+"""
 import os
 import re
 from typing import Any, Collection, List, NamedTuple, Set, Tuple
@@ -7,6 +11,7 @@ import rospkg
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.files.trust import written_by_others
 from shsa_core.healing import events
 from shsa_core.healing.duties import subscribers_of
 from shsa_core.healing.records import Record, RestartedNode, of_this_robot
@@ -97,3 +102,21 @@ def record_path(namespace: str, kind: str = "records") -> str:
         rospy.logerr("%s cannot be made: %s", folder, error)
     name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{master_place()}/{namespace}").strip("-")
     return os.path.join(folder, f"{name}.{kind}")
+
+
+def maintained(namespace: str) -> bool:
+    """Tell that the healing of this master and namespace is to kill and start nothing."""
+    path = record_path(namespace, "maintenance")
+    why = written_by_others(path) if os.path.lexists(path) else ""
+    if why:
+        rospy.logerr_once(f"Refused: {path} does not count, as {why}.")
+    return os.path.lexists(path) and not why
+
+
+def maintain(namespace: str, on: bool) -> None:
+    """Have it be so, or not. Raises OSError."""
+    path = record_path(namespace, "maintenance")
+    if on:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o600))
+    elif os.path.lexists(path):
+        os.unlink(path)

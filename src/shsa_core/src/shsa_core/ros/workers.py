@@ -20,7 +20,7 @@ def _log(text: str) -> None:
 class Workers:
     """Makes the calls that are put, up to `most` at a time; one alone makes them in order.
 
-    `failed(text)` is told, from any thread and not more often than every SAY_AGAIN_S, what a call
+    `failed(text)` is told, from any thread and at most every LONGEST_PAUSE_S, what a call
     has raised, and that no thread could be started.
     """
 
@@ -70,6 +70,6 @@ class Workers:
 
     def _say(self, text: str) -> None:
         now = time.monotonic()
-        if now >= self._said + settings.SAY_AGAIN_S:
+        if now >= self._said + settings.LONGEST_PAUSE_S:
             self._said = now
             self._failed(text)

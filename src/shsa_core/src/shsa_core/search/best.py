@@ -7,12 +7,14 @@ Information Processing Letters 6, 1977).
 from heapq import heapify, heappop, heappush
 from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
+import networkx as nx
+
 from shsa_core.model.network import Network
-from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SourceTable
-from shsa_core.search.missing import lacking
+from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SOURCE, Rating, SourceTable
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
+FREE: Rating = (0, 0, 0, SOURCE, 1.0)
 DONE = 2**62  # later than any visit
 RETURN = -1  # on the stack: all inputs of the last property on the path were visited
 
@@ -145,15 +147,31 @@ class BestDerivations:
                     heappush(candidates, (*ratings.by_function(function), output))
 
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
-        """Return the names of the properties without which every derivation of `target` ended.
+        """Return the lost properties in reach of `target` from which all others could be derived.
 
-        With all of them it could be derived; see `lacking`. Usually fewer would do. What depends on
-        the target itself cannot help it. `ratings`: after a failure.
+        Parts are single properties, or those that depend on one another. Named is what can still
+        not be derived within its part once all that it needs outside can be: what has no function,
+        and what waits for itself. Not the fewest names, since each way to the target counts. What
+        depends on the target cannot help it. `ratings`: after a failure.
         """
-        rated, inputs = ratings or self.ratings, self._network.inputs
-
-        def lost_inputs(number: int) -> List[List[int]]:
-            of = [inputs[function] for function in self.functions(number)]
-            return [[i for i in each if rated[i] == LOST] for each in of if target not in each]
-
-        return sorted(self._network.names[number] for number in lacking(target, lost_inputs))
+        known, network = ratings or self.ratings, self._network
+        graph = nx.DiGraph()
+        open_ = [target]
+        while open_:
+            number = open_.pop()
+            for function in self.functions(number):
+                inputs = network.inputs[function]
+                lost = [i for i in inputs if known[i] == LOST and target not in inputs]
+                open_ += [i for i in lost if i not in graph]
+                graph.add_edges_from((number, i) for i in lost)
+        found = Ratings(network, known.sources, known)
+        for number in graph:
+            found[number] = LOST if number == target else FREE
+        named: List[str] = []
+        for part in nx.strongly_connected_components(graph):
+            if target not in part:
+                self.settle_cycle(part, found)
+                named += [network.names[each] for each in part if found[each] == LOST]
+                for each in part:
+                    found[each] = FREE
+        return sorted(named)

@@ -12,8 +12,8 @@ from shsa_core.model.service import Source
 MOST = 2**60
 
 Rating = Tuple[int, int, int, int, float]
-"""The least is the best: cost, relations and inputs (each as often as it is used); what it is by, a
-source or the function number `by - FUNCTION`; the product of the qualities.
+"""The least is the best: cost, relations and what its inputs cost (each as often as it is used);
+what it is by, a source or the function number `by - FUNCTION`; the product of the qualities.
 """
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
 LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
@@ -25,7 +25,8 @@ Name = Tuple[float, str, str]
 class Derivation:
     """A property obtained from a source, or by a function from other derivations.
 
-    Exactly one of `source` and `function` is set. `inputs` follow `function.inputs`. One object
+    One of `source` and `function` is set, or neither: it is several properties at once, its
+    `inputs`. Else they follow `function.inputs`. One object
     stands wherever its property is obtained that way: they are compared and hashed by identity.
     """
 
@@ -51,8 +52,7 @@ class Derivation:
         """The sort key: the period, path and node of the source, or the relation."""
         if self.source is not None:
             return _name(self.source)
-        assert self.function is not None
-        return math.inf, self.function.relation, ""
+        return math.inf, "" if self.function is None else self.function.relation, ""
 
     def unique(self) -> List["Derivation"]:
         """Return this derivation and all its parts, each object once, in order of first use."""
@@ -73,20 +73,6 @@ class Derivation:
         """Return the names of the relations used, each once, in order of first use."""
         functions = [d.function for d in self.unique() if d.function is not None]
         return tuple(dict.fromkeys(function.relation for function in functions))
-
-
-class JointDerivation(Derivation):
-    """Derivations of several properties at once: its `inputs`."""
-
-    __slots__ = ()
-
-    def __init__(self, inputs: Tuple[Derivation, ...]) -> None:
-        super().__init__("", None, None, inputs)
-
-    @property
-    def name(self) -> Name:
-        """The same for all: only its inputs order it."""
-        return 0.0, "", ""
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
@@ -116,7 +102,7 @@ class Rated(NamedTuple):
 
 def rate_source(source: Source) -> Rated:
     """Return the derivation of a property from a source alone."""
-    key = cost(source.quality), 0, 1
+    key = cost(source.quality), 0, source.service.cost
     return Rated(key, source.quality, Derivation(source.property, source, None))
 
 
@@ -128,7 +114,8 @@ def rate_function(function: TransferFunction, price: int, inputs: Sequence[Rated
 
 def rate_joint(parts: Sequence[Rated]) -> Rated:
     """Return derivations of several properties at once."""
-    return _rate(JointDerivation(tuple(part.derivation for part in parts)), 0, 0, 1.0, parts)
+    joint = Derivation("", None, None, tuple(part.derivation for part in parts))
+    return _rate(joint, 0, 0, 1.0, parts)
 
 
 def _rate(
@@ -219,7 +206,9 @@ class SourceTable:
 
     def _choose(self, number: int) -> None:
         best = min(self._of[number], key=_order, default=None)
-        rating = LOST if best is None else (cost(best.quality), 0, 1, SOURCE, best.quality)
+        rating = LOST
+        if best is not None:
+            rating = (*rate_source(best).key, SOURCE, best.quality)
         self._best[number] = rating, best
 
 
@@ -228,8 +217,8 @@ def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
         named.setdefault(name, {})[source] = None
 
 
-def _order(source: Source) -> Tuple[int, Name]:
-    return cost(source.quality), _name(source)
+def _order(source: Source) -> Tuple[int, int, Name]:
+    return cost(source.quality), source.service.cost, _name(source)
 
 
 def _name(source: Source) -> Name:

@@ -31,7 +31,7 @@ def find_substitute(
 ) -> Substitute:
     """Return the best substitute of a property, without the nodes, topics and services `excluded`.
 
-    Best is the highest quality, then the fewest relations, then the fewest inputs, then names in
+    Best is the highest quality, then the fewest relations, then the cheapest inputs, then names in
     order. The time is linear in the relations that the target can be reached from, save n log n
     within a cycle of n properties. With `steps`, it looks at what it finds first and at so many
     relations nearest to the target. Raises NoSubstitute with what is missing.

@@ -170,12 +170,14 @@ def _ranked(asked: Asked, loss: Loss) -> Iterator[Found]:
 
 
 def _wishes(service: Service, relations: Iterable[str], sources: Iterable[Source]) -> Answer:
-    """Return the preferred relations, and the nodes to avoid, that a substitute uses."""
-    nodes = {source.node for source in sources}
+    """Return what a substitute uses of preferred relations and nodes to avoid, and its cost."""
+    costs = {source: source.service.cost for source in sources}
+    nodes = {source.node for source in costs}
     preferred = [each for each in relations if each in service.prefer]
     to_avoid = [each for each in service.avoid if each in nodes]
     found = {"preferred": preferred, "to_avoid": to_avoid}
-    return {key: names for key, names in found.items() if names}
+    said = {"cost": sum(costs.values())} if any(each > 1 for each in costs.values()) else {}
+    return {**{key: names for key, names in found.items() if names}, **said}
 
 
 def _described(ontology: Ontology, loss: Loss, found: Substitute, error: Optional[Error]) -> Answer:
@@ -238,10 +240,12 @@ def _tree(derivation: Derivation) -> Iterator[str]:
         if part.source is not None:
             by = f"measured by {part.source.node} at {part.source.path}"
             quality, error = part.source.quality, part.source.provision.error
+            cost = part.source.service.cost
         else:
             assert part.function is not None
             by = f"{part.function.relation}: {part.function.text}"
-            quality, error = part.function.quality, part.function.error
+            quality, error, cost = part.function.quality, part.function.error, 1
         figure = "" if error is None else f", error {error.rms:g}"
+        figure += f", cost {cost}" if cost > 1 else ""
         yield f"{'  ' * depth}{part.property}  {by}  (quality {quality:g}{figure})"
         stack.extend((input_, depth + 1) for input_ in reversed(part.inputs))

@@ -185,6 +185,7 @@ def _summary(each: Answer) -> str:
     inputs = ", ".join(each["inputs"])
     wishes = (("preferred", "preferred"), ("to_avoid", "to be avoided"))
     wished = "".join(f"  ({word}: {', '.join(each[k])})" for k, word in wishes if k in each)
+    error += f", cost {each['cost']}" if "cost" in each else ""
     return f"quality {each['quality']:.4g}{error} by {by} from {inputs}{wished}{refused}"
 
 

@@ -20,7 +20,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Switch it, and tell. Returns 0."""
-    from shsa_core.ros.maintenance import maintain, maintained
+    from shsa_core.ros.succession import maintain, maintained
 
     if args.state:
         maintain(args.namespace, args.state == "on")

@@ -1,7 +1,7 @@
 """Tells of a draft by which nothing can be healed what is in the way."""
 from typing import List
 
-from shsa_core.analysis.takeover import Takeovers
+from shsa_core.analysis.takeover import takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, listed
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -11,11 +11,11 @@ MOST_SERVICES = 20
 
 def obstacles(ontology: Ontology, som: Som) -> List[str]:
     """Return what is in the way of each service, in lines; nothing if one can be healed."""
-    takeovers = Takeovers(ontology, som.sources)
+    plan_of = takeovers(ontology, som.sources)
     lines: List[str] = []
     for service in som:
         try:
-            takeovers.of(service)
+            plan_of(service)
         except NoSubstitute as none:
             names = none.in_the_way or none.properties
             lines.append(f"  {service.name}: no relation yields {listed(names)}")

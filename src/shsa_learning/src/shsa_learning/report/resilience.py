@@ -2,23 +2,24 @@
 from dataclasses import replace
 from itertools import combinations
 from math import comb, prod
-from typing import Dict, FrozenSet, Iterable, List, Sequence, Set, Tuple
+from typing import Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_learning.fragility import Fragility
+from shsa_learning.report.failures import Failures
 from shsa_learning.report.remedies import Remedies
 from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_learning.report.report import Survival, survival
 from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.takeover import Takeovers
+from shsa_core.analysis.takeover import takeovers
 from shsa_core.codegen.choice import ordered
+from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.model.error import refusal
+from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.quality import cost
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.derivation import LOST, Derivation
+from shsa_core.search.derivation import LOST, Derivation, rate_source
 from shsa_core.search.ratings import Ratings
 
 Nodes = FrozenSet[str]
@@ -43,7 +44,9 @@ class _Analysis:
         self._som = som
         self._size = size
         self._fragility = Fragility(ontology, som)
-        self._takeovers = Takeovers(ontology, som.sources)
+        self._plan_of = takeovers(ontology, som.sources)
+        self._predictor = predictor(ontology, som.sources)
+        self._failures = Failures(ontology.network, som.sources)
         self._failed: Nodes = frozenset()
         self._left: Dict[int, int] = {}
         self._hosted: Dict[str, List[Service]] = {}  # the needed services by what they fail with
@@ -81,7 +84,7 @@ class _Analysis:
         refused = ""
         plan = None
         try:
-            plan = self._takeovers.of(service)
+            plan = self._plan_of(service)
         except NoSubstitute as none:
             missing, refused = none.missing, none.refused
         except GenerationError as error:
@@ -99,18 +102,18 @@ class _Analysis:
             () if plan is None else _causes(plan.inputs),
             missing,
             refused,
-            tuple(a for name in names for a in self._alternatives(name, service.node)),
+            tuple(a for name in names for a in self._alternatives(name, service)),
             _sorted(_smallest(cuts)),
             () if plan is None else plan.errors,
         )
 
-    def _alternatives(self, name: str, failed: str) -> List[Alternative]:
+    def _alternatives(self, name: str, service: Service) -> List[Alternative]:
         """Return a lost property's sources, and relations with their best inputs; best first."""
         network, number = self._network, self._network.number(name)
-        ratings = self._takeovers.after([failed], blocked=number)
+        ratings = self._failures.after([service.node], blocked=number)
         found = [
             (
-                (cost(s.quality), 0, 1),
+                rate_source(s).key,
                 Derivation(name, s, None),
                 Alternative(name, s.path, s.quality, (s.path,), (s.node,)),
             )
@@ -127,15 +130,20 @@ class _Analysis:
                 alternative = Alternative(name, relation, rating[4], paths, _nodes(read))
                 found.append((rating[:3], by, alternative))
         found.sort(key=lambda each: each[0])
-        predictor = self._takeovers.predictor
-        alternatives = [alternative for *_, alternative in found]
-        if predictor is None:
-            return alternatives
+        predictor = self._predictor
         derivations = [derivation for _, derivation, _ in found]
-        errors = predictor.of(derivations)
-        order = ordered(derivations, predictor)
-        order.sort(key=lambda i: bool(refusal(errors[i], None)))
-        return [replace(alternatives[i], error=errors[i]) for i in order]
+        errors: Sequence[Optional[Error]] = [None] * len(found)
+        order = list(range(len(found)))
+        if predictor is not None:
+            errors, order = predictor.of(derivations), ordered(derivations, predictor)
+
+        def wished(i: int) -> Tuple[bool, bool, bool]:
+            """Order what may be used, by nodes that are not avoided, by preferred relations."""
+            avoided = set(service.avoid).intersection(found[i][2].nodes)
+            preferred = set(service.prefer).intersection(derivations[i].relations())
+            return bool(refusal(errors[i], None)), bool(avoided), not preferred
+
+        return [replace(found[i][2], error=errors[i]) for i in sorted(order, key=wished)]
 
     def _cuts(self, names: Sequence[str], failed: Nodes) -> Set[Nodes]:
         """Return the smallest cuts of a service that have the causes `failed`, one its own."""
@@ -145,7 +153,7 @@ class _Analysis:
         cuts = {failed | {node} for node in self._fragility.names(bits) if node not in failed}
         if len(failed) + 1 < self._size:
             numbers = [self._network.number(name) for name in names]
-            for cause in _causes(_read(self._takeovers.after(failed), numbers)):
+            for cause in _causes(_read(self._failures.after(failed), numbers)):
                 more = failed | {cause}
                 if more not in cuts:
                     cuts |= self._cuts(names, more)
@@ -176,7 +184,7 @@ class _Analysis:
 
     def _quality(self, service: ServiceReport, cause: str) -> float:
         """Return the quality of a service's substitute once a shared cause has failed."""
-        ratings = self._takeovers.after([cause])
+        ratings = self._failures.after([cause])
         return prod(ratings[self._network.number(name)][4] for name in service.properties)
 
 

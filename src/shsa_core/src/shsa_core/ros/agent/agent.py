@@ -5,12 +5,12 @@ knows then that it is cut off.
 """
 import argparse
 import os
-import queue
 import re
 import shlex
 import sys
 import threading
 import time
+from typing import Callable
 
 import rospy
 from shsa_msgs import msg
@@ -22,10 +22,9 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.handover import Handover, await_turn
+from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostCommand, HostEvent
-from shsa_core.ros.processes.host import read, written
+from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostEvent, read, written
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
@@ -75,7 +74,7 @@ class AgentEnd:
 class AgentNode:
     """Takes commands from the reconfigurator alone, by their signature."""
 
-    def __init__(self, arguments: argparse.Namespace, handover: Handover) -> None:
+    def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._name = arguments.name
         if not NAME.fullmatch(self._name):
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
@@ -83,12 +82,11 @@ class AgentNode:
         self._lock = threading.Lock()
         self._end = AgentEnd(time.monotonic_ns())
         self._load = Load()
-        self._commands: "queue.Queue[HostCommand]" = queue.Queue()
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._sign = signing.signer(topic, msg.HostEvent)
         self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=0, tcp_nodelay=True  # none is dropped here
+            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
         )
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
@@ -99,32 +97,23 @@ class AgentNode:
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._handover = handover
+        self._followed = followed
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
     def spin(self) -> None:
-        """Carry out commands in order until ROS shuts down; then stop what was started.
+        """Show that we are there until ROS shuts down; then stop what was started.
 
         Unless another agent follows, which takes it up. Raises ShsaError if another must follow, as
         the master does not know us.
         """
         rospy.loginfo("Agent of %s ready.", self._name)
-        beat_at = 0.0
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
-            if self._forgotten.is_set():
+            self._beat()
+            if self._forgotten.wait(settings.HEARTBEAT_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
-            now = clock.now()
-            if now >= beat_at:
-                beat_at = now + settings.HEARTBEAT_S
-                self._beat(now)
-            try:
-                command = self._commands.get(timeout=max(0.0, beat_at - clock.now()))
-            except queue.Empty:
-                continue
-            self._host.carry_out(command)
-        if not self._handover.followed:
+        if not self._followed():
             self._host.stop_all()
 
     def _cut_off(self) -> bool:
@@ -150,39 +139,36 @@ class AgentNode:
                 return
 
     def _received(self, message: msg.HostCommand) -> None:
-        now = clock.now()
         with self._lock:
             former = self._end.session
-            wanted = self._end.hear(message, now)
+            wanted = self._end.hear(message, clock.now())
             begun = self._end.session != former
         if begun:
-            self._beat(now)
+            self._beat()
         if wanted:
             try:
-                self._commands.put(read(COMMANDS, message.command, rospy.get_name()))
+                self._host.carry_out(read(COMMANDS, message.command, rospy.get_name()))
             except ModelError as error:
                 rospy.logerr("Refused a command: %s.", error)
 
     def _tell(self, event: HostEvent) -> None:
         """Say what has happened; a reconfigurator that listens later sees what runs."""
-        now = clock.now()
         with self._lock:
-            if self._end.is_open(now):
+            if self._end.is_open(clock.now()):
                 self._end.said += 1
                 self._say(written(EVENTS, event))
 
-    def _beat(self, now: float) -> None:
-        self._load.look(now)
+    def _beat(self) -> None:
+        self._load.look(clock.now())
         with self._lock:
             self._say("")
 
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
-        now = clock.now()
         message = msg.HostEvent(
             began=self._end.began,
             session=self._end.session,
-            open=self._end.is_open(now),
+            open=self._end.is_open(clock.now()),
             number=self._end.said,
             heard=self._end.heard,
             event=text,
@@ -209,5 +195,5 @@ def main() -> None:
     arguments = parser.parse_args(rospy.myargv(sys.argv)[1:])
     node = f"agent_{arguments.name}"
     await_turn(node)
-    handover = Handover()
-    run(node, lambda: AgentNode(arguments, handover).spin())
+    followed = hear_successor()
+    run(node, lambda: AgentNode(arguments, followed).spin())

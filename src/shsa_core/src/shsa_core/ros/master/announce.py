@@ -7,12 +7,13 @@ import threading
 from functools import partial
 from math import inf
 from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional, Sequence
-from typing import Set, Tuple
+from typing import Tuple
 
 import rospy
 
+from shsa_core.agenda import Agenda
 from shsa_core.ros import settings
-from shsa_core.ros.master.bus import connected
+from shsa_core.ros.master.node_api import connected
 from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
 from shsa_core.ros.workers import Workers
 
@@ -110,13 +111,14 @@ class Introductions:
         self.hung: FrozenSet[str] = frozenset()
         self._first = first
         self._known: Optional[FrozenSet[Publisher]] = None
-        self._looks: Set[Tuple[float, Publisher]] = set()
+        self._looks: Agenda[Tuple[float, Publisher]] = Agenda()
         self._workers = Workers("introductions", settings.MOST_CALLS)
 
     @property
     def deadline(self) -> float:
         """Return when somebody is to be looked at, in s; infinite: nobody is."""
-        return min((when for when, _ in self._looks), default=inf)
+        due = self._looks.next()
+        return inf if due is None else due
 
     def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:
         """Note the publishers of now."""
@@ -124,15 +126,14 @@ class Introductions:
         if known is None:
             known = frozenset(each for each in publishers if each.node != self._first)
         self._known = publishers
-        self._looks = {look for look in self._looks if look[1] in publishers}
-        pauses = settings.INTRODUCTION_LOOKS_S
-        self._looks |= {(time + pause, each) for each in publishers - known for pause in pauses}
+        for each in publishers - known:
+            for pause in settings.INTRODUCTION_LOOKS_S:
+                self._looks.set((pause, each), time + pause)
 
     def due(self, time: float) -> List[Publisher]:
-        """Return those to look at now."""
-        due = {look for look in self._looks if look[0] <= time}
-        self._looks -= due
-        return sorted({publisher for _, publisher in due})
+        """Return those to look at now, of those that are there still."""
+        due = {publisher for _, publisher in self._looks.pop_due(time)}
+        return sorted(due & (self._known or frozenset()))
 
     def introduce(self, new: Publisher, subscribers: Mapping[str, str]) -> None:
         """Tell those of the subscribers, by name their URI, that have not connected to it."""

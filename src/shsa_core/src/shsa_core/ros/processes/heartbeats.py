@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 from contextlib import suppress
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, NamedTuple, Optional, Tuple
 
 import rospkg
 import rospy
@@ -35,16 +35,6 @@ IN_REACH, CUT_OFF = b"in reach", b"cut off"
 def hearer(host: str) -> str:
     """Return the hearer of the substitutes of an agent; without one: the reconfigurator."""
     return f"agent {host}" if host else RECONFIGURATOR
-
-
-def hears(role: str) -> bool:
-    """Tell that there is a hearer of that role; it may hang."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.connect(_address(role))
-        except OSError:
-            return False
-    return True
 
 
 class Sign(NamedTuple):
@@ -110,11 +100,13 @@ class Heart:
 class Signs:
     """Hears the heartbeats for `role`, of processes of our own user, in a thread of its own.
 
-    `cut_off()` tells if the reconfigurator is out of reach, and each sender is told so.
+    `last`: the last sign of each node, to be forgotten when it is gone: the next of its name is
+    another process. `cut_off()` tells if the reconfigurator is out of reach, and each sender is
+    told so.
     """
 
     def __init__(self, role: str, cut_off: Callable[[], bool] = lambda: False) -> None:
-        self._last: Dict[str, Sign] = {}
+        self.last: Dict[str, Sign] = {}
         self._cut_off = cut_off
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -125,24 +117,12 @@ class Signs:
             return
         threading.Thread(target=self._work, name="heartbeats", daemon=True).start()
 
-    def of(self, name: str) -> Optional[Sign]:
-        """Return the last sign of life of a node; None: it has given none."""
-        return self._last.get(name)
-
-    def names(self) -> List[str]:
-        """Return the nodes that have given one."""
-        return list(self._last)
-
-    def forget(self, name: str) -> None:
-        """Forget a node that is gone; the next of its name is another process."""
-        self._last.pop(name, None)
-
     def _work(self) -> None:
         while True:
             name, extra, _, address = self._socket.recvmsg(LONGEST_B, SPACE)
             pid = sender(extra)
             if pid is not None:
-                self._last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
+                self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
                 self._answer(address)
 
     def _answer(self, address: Any) -> None:

@@ -2,10 +2,10 @@
 
 Which user a process is of, whether it has ended, stopped or waits; see also `trust/owners`.
 """
-import functools
 import os
 import signal
 import time
+from contextlib import suppress
 from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 import psutil
@@ -13,7 +13,7 @@ import rosgraph
 
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, resolved
-from shsa_core.ros.trust.owners import listener
+from shsa_core.ros.trust.owners import answers_at
 from shsa_core.ros.trust.places import master_place
 
 OF_ROS = {"roslaunch", "rosmaster", "roscore", "rosout"}
@@ -96,10 +96,9 @@ def never_to_end(process: psutil.Process) -> str:
     """Return why a process is never to be ended, whatever anybody says; empty: it may be."""
     if process.pid == os.getpid():
         return "it is the reconfigurator itself"
-    if process == _master(
-        rosgraph.get_master_uri(), int(time.monotonic() / settings.LONGEST_MASTER_PAUSE_S)
-    ):
-        return "it is the master"
+    with suppress(*FAILURES):
+        if answers_at(process.pid, resolved(rosgraph.get_master_uri())):
+            return "it is the master"
     if process.pid in {1, *ancestors(os.getpid())}:
         return "its process has started the reconfigurator"
     return _part(process)
@@ -119,15 +118,6 @@ def _part(process: psutil.Process) -> str:
     return ""
 
 
-@functools.lru_cache(maxsize=1)
-def _master(uri: str, age: int) -> Optional[psutil.Process]:
-    """Return the master's process if it is on this computer; look for it anew in each `age`."""
-    try:
-        return listener(resolved(uri))
-    except FAILURES:
-        return None
-
-
 def ancestors(pid: int) -> List[int]:
     """Return the processes that a process descends from, the nearest first, without the first."""
     try:
@@ -139,11 +129,10 @@ def ancestors(pid: int) -> List[int]:
 def starter(pid: int) -> Tuple[int, List[str]]:
     """Return the number and the programs of the process that has started one; 0, []: not told."""
     parent = next(iter(ancestors(pid)), 0)
-    try:
+    with suppress(psutil.Error):
         words = psutil.Process(parent).cmdline() if parent else []
-    except psutil.Error:
-        words = []
-    return parent, [os.path.basename(word) for word in words[:2]]
+        return parent, [os.path.basename(word) for word in words[:2]]
+    return parent, []
 
 
 def started_by_launch(pid: int) -> bool:

@@ -1,21 +1,32 @@
-"""Hears that a launch is ending: then nodes stop on purpose, and nothing is to be healed.
+"""Launches: which one has started a node, and that one is ending.
+
+While one is ending nodes stop on purpose, and nothing is to be healed.
 
 roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
 healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
 down before it signals anybody, at Ctrl-C as well as when its terminal is closed, and that log is
 open in the parent process of its nodes for us to find. Where it cannot be read, our own signal is
 the first sign, and for nodes of others there is none.
+
+Two nodes of one name would end each other for ever: the master shuts the older one down, and its
+launch starts it again. So it is looked before anything is registered.
 """
 import os
 import re
+import sys
 import threading
 import time
-from typing import BinaryIO, Dict, Optional, Set, Tuple
+from typing import BinaryIO, Callable, Dict, List, Optional, Set, Tuple
 
+import rosgraph
+import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, master_api, resolved
+from shsa_core.ros.master.node_api import pid as pid_of
 from shsa_core.ros.processes import kernel
+from shsa_core.ros.trust.owners import is_local, listener
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
@@ -43,10 +54,11 @@ class Launch:
         self._ends = False
 
     def ending(self) -> bool:
-        """Return whether it or this node is shutting down. Costs a microsecond; asks nobody."""
-        if not self._ends:
-            tells = self._log is not None and self._log[1].tells()
-            self._ends = bool(rospy.core.is_shutdown_requested()) or tells
+        """Return, once, that it or this node is shutting down. Costs a microsecond; asks nobody."""
+        if self._ends:
+            return False
+        tells = self._log is not None and self._log[1].tells()
+        self._ends = bool(rospy.core.is_shutdown_requested()) or tells
         return self._ends
 
 
@@ -121,3 +133,75 @@ def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
         except OSError:
             continue  # it is somebody else's process, or gone
     return None
+
+
+GONE_LOOKS = 5
+"""So often nobody must be found: a launch starts its healer again within 2 s."""
+
+
+ASKED_BY_API = "external shutdown request"
+"""The beginning of rospy's reason then."""
+
+
+def await_turn(name: str) -> None:
+    """Return at once if no other node `name` of this namespace answers on the master.
+
+    Else say so and leave, with exit status 1. A launch that would start this process again, and
+    again, is spared that: it waits, registered nowhere, until the other one has gone for good.
+    """
+    full = _full_name(name)
+    other = find_other(full)
+    if other is None:
+        return
+    text = f"Healing runs on this ROS master already: {full} is {other}. This one leaves."
+    if not kernel.started_by_launch(os.getpid()):
+        sys.exit(text)
+    print(f"{text} It takes its place once that has ended: rosnode kill {full}", file=sys.stderr)
+    gone = 0
+    try:
+        while gone < GONE_LOOKS:
+            time.sleep(settings.LOOK_S)
+            gone = gone + 1 if find_other(full) is None else 0
+    except KeyboardInterrupt:
+        sys.exit(0)
+
+
+def find_other(node: str) -> Optional[str]:
+    """Return in words which process a node is that is registered and answers; None: none.
+
+    One that hangs is none: what is started beside it is to take its place. One of another user of
+    this computer is none either: anybody can register our name, and all of healing is one user's.
+    """
+    try:
+        uri = master_api().lookupNode(node)
+        number = pid_of(uri)
+    except FAILURES:
+        return None
+    if number == os.getpid():
+        return None
+    if is_local(uri):
+        process = listener(resolved(uri), number)
+        if process is None or not kernel.is_ours(process):
+            whose = kernel.user(process) if process is not None else "somebody else"
+            text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
+            print(text, file=sys.stderr)
+            return None
+    return f"process {number} at {uri}"
+
+
+def _full_name(name: str) -> str:
+    mappings = rosgraph.names.load_mappings(sys.argv)
+    namespace = rosgraph.names.get_ros_namespace()
+    return str(rosgraph.names.ns_join(namespace, mappings.get("__name", name)))
+
+
+def hear_successor() -> Callable[[], bool]:
+    """Return what tells, once this node ends, that our launch starts another one in its place.
+
+    Then what publishes goes on. To be called before the node is initialised: anybody may ask it to
+    end by our API, or by taking our name, and as soon as we have registered.
+    """
+    reasons: List[str] = []
+    rospy.core.add_preshutdown_hook(reasons.append)
+    asked = lambda: any(each.startswith(ASKED_BY_API) for each in reasons)
+    return lambda: asked() and kernel.started_by_launch(os.getpid())

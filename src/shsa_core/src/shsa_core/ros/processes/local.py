@@ -1,30 +1,44 @@
-"""The computer that we run on: its processes are learned, found, ended, started and listened to."""
+"""The computer that we run on: its processes are learned, found, ended, started and listened to.
+
+A kill asks a node to leave, ends its process, clears its registrations; healing decides when each
+step comes, and which process a node is was verified before (`nodes`).
+"""
+import signal
+import socket
+import threading
 import time
 from typing import Any, Callable, List, Optional
 
 import psutil
+import rosgraph
 import rospy
 
 from shsa_core import dispatch
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
+from shsa_core.healing.settings import LEAVE_S
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master import bus
-from shsa_core.ros.master.node_api import FAILURES
-from shsa_core.ros.processes import ending, kernel, priority
+from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved
+from shsa_core.ros.processes import kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
+from shsa_core.ros.trust.owners import listener
 from shsa_core.ros.workers import Workers
 
 Work = Callable[[Any], object]
 """Carries out a command."""
+WHY = "it failed, and is healed"
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
+
+
+class Untouchable(ShsaError):
+    """It is not known which process a node is, whether it may be ended, or whether it has left."""
 
 
 class LocalHost:
@@ -37,7 +51,7 @@ class LocalHost:
         self.nodes = Nodes()
         self.substitutes = Substitutes(
             lambda node, detail: tell(events.ProcessExited(clock.now(), node, detail)),
-            lambda node: clearing.put(lambda: ending.clear(self.nodes, node)),
+            lambda node: clearing.put(lambda: clear(self.nodes, node)),
             setup,
         )
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
@@ -146,7 +160,7 @@ class LocalHost:
             uri = self.nodes.uri(node)
         except FAILURES:
             return None
-        return bus.rate(uri, topic, seconds) if uri else None
+        return rate(uri, topic, seconds) if uri else None
 
     def _starter(self, node: str) -> str:
         """Return the process that has started a node, in words; empty: not known."""
@@ -162,15 +176,15 @@ class LocalHost:
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node
         answered = lambda: self._tell(events.NodeAnswered(clock.now(), node))
-        if ending.ask_to_leave(self.nodes, node, answered):
+        if ask_to_leave(self.nodes, node, answered):
             self._tell(events.NodeLeft(clock.now(), node))
 
     def _end_process(self, command: events.EndProcess) -> None:
-        if ending.end_process(self.nodes, command.node, command.gently):
+        if end_process(self.nodes, command.node, command.gently):
             self._tell(events.NodeLeft(clock.now(), command.node))
 
     def _clear(self, command: events.ClearNode) -> None:
-        if not ending.clear(self.nodes, command.node):
+        if not clear(self.nodes, command.node):
             self._tell(events.NodeUnregistered(clock.now(), command.node))
 
     def _start(self, command: events.StartSubstitute) -> None:
@@ -187,3 +201,122 @@ class LocalHost:
             raise ShsaError("that would be as root there (restart_as_root:=true)")
         self.nodes.adopt(node, Known("", self.restarts.start(node)))
         self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))
+
+
+def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:
+    """`rosnode kill` by its API; return whether the process has ended in time.
+
+    `answered` is called when the node has. Elsewhere, return whether nobody listens any more where
+    it has answered. Raises Untouchable.
+    """
+    known = nodes.known(node)
+    if known is None:
+        raise Untouchable("it is not known which process it is")
+    if known.process is None:
+        return _ask_elsewhere(node, known.uri, answered)
+    process = known.process
+    threading.Thread(target=_ask, args=(nodes, node, answered), daemon=True).start()
+    return kernel.wait_for(lambda: kernel.gone(process), LEAVE_S)
+
+
+def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
+    """End a node's process by SIGKILL, or SIGTERM; return whether it ended. Raises Untouchable."""
+    known = nodes.known(node)
+    if known is None or known.process is None:
+        raise Untouchable("it is not known which process it is")
+    process = known.process
+    try:
+        kernel.kill(process, signal.SIGTERM if gently else signal.SIGKILL)
+    except ProcessLookupError:
+        return True
+    except PermissionError as error:
+        raise Untouchable(f"it does not leave, and {error}") from error
+    return kernel.wait_for(lambda: kernel.gone(process))
+
+
+def clear(nodes: Nodes, node: str) -> bool:
+    """Clear what a dead node left registered at the master, and nothing of a successor.
+
+    False: it was no publisher any more, and so had unregistered itself.
+    """
+    known = nodes.forget(node)
+    if known is not None and known.process is not None and known.lives:
+        return True
+    uri = known.uri if known else ""
+    try:
+        if not uri:
+            uri = master_api().lookupNode(node)
+            if known is not None and listener(resolved(uri)) is not None:
+                return True  # it was ended before it registered: this is a successor
+        return _unregister(node, uri)
+    except FAILURES:
+        return True  # the master does not know it, or is away: there is nothing to be cleared
+
+
+def _ask(nodes: Nodes, node: str, answered: Callable[[], object]) -> None:
+    """Ask a node here to leave; whether it does, its process tells."""
+    try:
+        uri = nodes.uri(node)
+        if uri:
+            ask(uri, "shutdown", WHY)
+            answered()
+    except FAILURES as error:
+        rospy.logdebug("%s was asked to leave: %s", node, error)
+
+
+def _ask_elsewhere(node: str, uri: str, answered: Callable[[], object]) -> bool:
+    """Ask a node on another computer to leave.
+
+    It has ended if it listens no more, and has said so before: to the master, when it left by
+    itself, or to us.
+    """
+    try:
+        ask(uri, "shutdown", WHY)
+    except ConnectionRefusedError as error:
+        if _is_registered(node):
+            why = "it refuses the connection, and cannot be verified to have ended"
+            raise Untouchable(why) from error
+        return True
+    except FAILURES as error:
+        raise Untouchable(f"it cannot be verified to have ended: {error}") from error
+    answered()
+    return kernel.wait_for(lambda: _refuses(uri), LEAVE_S)
+
+
+def _refuses(uri: str) -> bool:
+    """Return whether nobody listens any more at an address; no answer is no proof."""
+    try:
+        socket.create_connection(resolved(uri), settings.CALL_S).close()
+    except OSError as error:
+        return isinstance(error, ConnectionRefusedError)
+    return False
+
+
+def _is_registered(node: str) -> bool:
+    """Return whether the master knows a node; True as well if that cannot be told."""
+    try:
+        master_api().lookupNode(node)
+    except rosgraph.MasterException:
+        return False
+    except FAILURES:
+        return True
+    return True
+
+
+def _unregister(node: str, uri: str) -> bool:
+    """Unregister (node, uri) everywhere; a successor with the same name has another uri.
+
+    Return whether the node was a publisher. Raises one of FAILURES if the master does not answer.
+    """
+    master = master_api(node)
+    publishers, subscribers, services = master.getSystemState()
+    for topic, nodes in publishers:
+        if node in nodes:
+            master.unregisterPublisher(topic, uri)
+    for topic, nodes in subscribers:
+        if node in nodes:
+            master.unregisterSubscriber(topic, uri)
+    for name, nodes in services:
+        if node in nodes and master.lookupNode(node) == uri:
+            master.unregisterService(name, master.lookupService(name))
+    return any(node in nodes for _, nodes in publishers)

@@ -29,7 +29,7 @@ from shsa_core.ros.master.node_api import (
     uri_at,
 )
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.owners import is_local, listener, listening
+from shsa_core.ros.trust.owners import answers_at, is_local, listener, listening
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ def _listens(known: Known, uri: str) -> bool:
     """Return whether a process is the one at an address, or came by us in place of a dead one."""
     if known.process is None or (known.ours and listening(resolved(uri)) is None):
         return True
-    return listener(resolved(uri), known.process.pid) == known.process
+    return answers_at(known.process.pid, resolved(uri))
 
 
 def _stranger(known: Known) -> str:

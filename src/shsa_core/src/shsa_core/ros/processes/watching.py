@@ -54,9 +54,8 @@ class Life:
             before = now
             time.sleep(settings.TICK_S)
             now = time.monotonic()
-            for name in filter(self._watched, self._signs.names()):
-                sign = self._signs.of(name)
-                if sign is not None:
+            for name, sign in list(self._signs.last.items()):
+                if self._watched(name):
                     self._look(name, sign, before, now)
 
     def _look(self, name: str, sign: Sign, before: float, now: float) -> None:
@@ -77,7 +76,7 @@ class Life:
             stopped = self._stopping_counts and kernel.stopped(sign.pid)
             if late or stopped or now - sign.time >= settings.STARVED_S:
                 self._tell(events.ProcessPulse(now, name, events.Pulse.HUNG))
-                self._signs.forget(name)
+                self._signs.last.pop(name, None)
                 del self._seen[name]
 
 
@@ -121,7 +120,7 @@ class Companion:
         (self._hear if event.pulse is events.Pulse.HEARD else self._hangs)(event.node)
 
     def _hear(self, name: str) -> None:
-        sign = self._signs.of(name)
+        sign = self._signs.last.get(name)
         try:
             self._process = psutil.Process(sign.pid) if sign else None
         except (psutil.Error, OSError):

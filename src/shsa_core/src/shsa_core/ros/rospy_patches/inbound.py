@@ -125,7 +125,7 @@ def _of_our_user(shut_down: Callable[..., Any]) -> Callable[..., Any]:
         by = getattr(_calling, "by", "")
         if not by.startswith(USER):
             return shut_down(handler, *arguments)
-        rospy.logwarn_throttle(settings.SAY_AGAIN_S, f"Refused to shut down for {by}.")
+        rospy.logwarn_throttle(settings.LONGEST_PAUSE_S, f"Refused to shut down for {by}.")
         return -1, "only its own user may end it", 0
 
     return asked

@@ -2,15 +2,16 @@
 
 Faults of rospy 1.15 to 1.17: a line of the log waits for a terminal that stands still, a disk, and
 the master, which is asked about one parameter at every line that goes to /rosout; here that is
-asked once.
+asked once. It follows a link that anybody has put where its log is to be.
 """
 import logging
 import logging.handlers
+import os
 import queue
 import sys
 import threading
 from contextlib import suppress
-from typing import List, Optional, Sequence, Set, Tuple
+from typing import Any, List, Optional, Sequence, Set, Tuple
 
 import rospy
 from rospy.impl.paramserver import get_param_server_cache
@@ -70,14 +71,27 @@ class _Later(logging.handlers.QueueHandler):
 
 
 def say_failures_once() -> None:
-    """Have every handler that fails, as on a full disk, say so once on stderr, and shortly."""
+    """Have every handler that fails, as on a full disk, say so once on stderr, and shortly.
+
+    A log is a file, and no link or pipe that somebody has put there: else it is not written.
+    """
     logging.Handler.handleError = _failed  # type: ignore
+    logging.FileHandler._open = _opened  # type: ignore
+
+
+def _opened(handler: logging.FileHandler) -> Any:
+    here = lambda path, flags: os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    try:
+        return open(handler.baseFilename, handler.mode, encoding=handler.encoding, opener=here)
+    except OSError:
+        _failed(handler)
+        return open(os.devnull, "w", encoding="utf-8")
 
 
 _said: Set[int] = set()
 
 
-def _failed(handler: logging.Handler, _: logging.LogRecord) -> None:
+def _failed(handler: logging.Handler, *_: logging.LogRecord) -> None:
     if id(handler) not in _said:
         _said.add(id(handler))
         where = getattr(handler, "baseFilename", type(handler).__name__)

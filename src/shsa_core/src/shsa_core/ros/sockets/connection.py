@@ -1,13 +1,21 @@
-"""A standing connection to a publisher: what is read from it, cut into messages."""
+"""A standing connection to a publisher: what is read from it, cut into messages, and when it came.
+
+A message is its length in four bytes, and so many bytes. Of each only what is wanted is copied: the
+rest of a large one is dropped in the kernel (`man 7 tcp`, MSG_TRUNC), counted and never copied.
+When what is read later had come, the kernel notes (`man 7 socket`): so who is in no hurry need not
+wake for each.
+"""
 import socket
-from typing import Any, Dict, Optional, Tuple
+import struct
+import time
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 import rospy
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import Decoder
-from shsa_core.ros.sockets import arrival_times
-from shsa_core.ros.sockets.frames import Frames
+from shsa_core.ros.rospy_patches.subscribing import LENGTH
 
 
 class Connection:
@@ -21,7 +29,7 @@ class Connection:
         """Take a connection over; raises OSError if rospy has closed it meanwhile."""
         connected = transport.socket
         connected.setblocking(False)
-        arrival_times.enable(connected)
+        connected.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self.topic, self.publisher = topic, str(transport.callerid_pub)
         self.transport, self.uri = transport, str(transport.endpoint_id)
         self.header: Dict[str, str] = transport.header
@@ -74,3 +82,189 @@ def _peer(connected: socket.socket) -> str:
         return str(connected.getpeername()[0])
     except OSError:
         return ""
+
+
+_WASTE = bytearray(settings.LARGEST_DROP_B)
+"""Memory for a kernel that drops nothing; no page of it is ever touched otherwise."""
+
+
+class Wanted(NamedTuple):
+    """The part of a message to copy: all of one of up to `whole` bytes, else the first `head`."""
+
+    whole: int = settings.LARGEST_MESSAGE_B
+    head: int = 0
+
+
+class Frame(NamedTuple):
+    """A message that has come; `whole`: its data is all of it.
+
+    `noted`: when its last part that was copied had come, see `ArrivalTimes`.
+    """
+
+    data: bytes
+    whole: bool
+    noted: int = 0
+
+
+class Frames:
+    """Reads messages from a socket that does not block.
+
+    `wanted` may change at any time. It counts for a message until its head was read; so that of
+    one that is under way may come in part although all of it is wanted by then.
+    """
+
+    def __init__(self) -> None:
+        self.wanted = Wanted()
+        self._noted = 0
+        self._buffer = bytearray()
+        self._found: List[Frame] = []
+        self._rest = 0  # bytes of a message that are still to come, and are not wanted
+        self._cut: Optional[Frame] = None  # what is told of that message once it has come
+        self._large = False  # the last message was one to drop
+        self._more = False  # there was more to be read than our share of a turn
+
+    def __len__(self) -> int:
+        return len(self._buffer)
+
+    @property
+    def expected(self) -> int:
+        """Return how many bytes come before anybody need look; 1: look at each.
+
+        It may be wrong: a message need not be as large as the one before.
+        """
+        dropping = self._large and not self._buffer and not self._more
+        return settings.EXPECTED_B if dropping else 1
+
+    def read(self, connected: socket.socket) -> bool:
+        """Read what has come, a bounded part of it; False if the other end has closed.
+
+        Raises OSError if the connection is lost.
+        """
+        self._more = False
+        for _ in range(settings.READS_A_TURN):
+            try:
+                if self._rest >= settings.READ_B:
+                    size = min(self._rest, settings.LARGEST_DROP_B)
+                    count = connected.recv_into(_WASTE, size, socket.MSG_TRUNC)
+                    self._passed(count)
+                else:
+                    short = self._large and not self._buffer
+                    size = settings.SHORT_READ_B if short else settings.READ_B
+                    data, extra, _, _ = connected.recvmsg(size, SPACE)
+                    count = len(data)
+                    self._noted = noted_in(extra) if count else self._noted
+                    self.add(data)
+            except BlockingIOError:
+                return True
+            if not count:
+                return False
+            if count < size:
+                return True
+        self._more = True
+        return True
+
+    def add(self, data: bytes) -> None:
+        """Cut what was read already."""
+        self._buffer += data
+        buffer, start = self._buffer, 0
+        while True:
+            if self._rest:
+                passed = min(self._rest, len(buffer) - start)
+                start += passed
+                self._passed(passed)
+            if self._rest or len(buffer) < start + LENGTH.size:
+                break
+            size: int = LENGTH.unpack_from(buffer, start)[0]
+            kept = size if size <= self.wanted.whole else min(size, self.wanted.head)
+            if size > settings.LARGEST_MESSAGE_B:
+                kept = 0
+            begin, end = start + LENGTH.size, start + LENGTH.size + kept
+            if len(buffer) < end:
+                break
+            frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted)
+            start, self._rest = end, size - kept
+            self._large = self._rest >= settings.READ_B
+            if not self._rest:
+                self._found.append(frame)
+            self._cut = frame if size <= settings.LARGEST_MESSAGE_B else None
+        del buffer[:start]
+
+    def _passed(self, count: int) -> None:
+        """Count bytes of a message that are not wanted."""
+        self._rest -= count
+        if not self._rest and self._cut is not None:
+            self._found.append(self._cut)
+
+    def take(self) -> List[Frame]:
+        """Return the messages that have come completely, each once."""
+        found, self._found = self._found, []
+        return found
+
+
+SO_TIMESTAMPNS = 35  # of Linux; Python has no name for it
+_TIMESPEC = struct.Struct("ll")
+SPACE = socket.CMSG_SPACE(_TIMESPEC.size)
+"""Bytes of what the kernel adds to what is read."""
+
+
+def noted_in(extra: Iterable[Tuple[int, int, bytes]]) -> int:
+    """Return when the newest of what was read had come, by the wall clock in ns; 0: not noted."""
+    for level, kind, data in extra:
+        if (level, kind) == (socket.SOL_SOCKET, SO_TIMESTAMPNS) and len(data) >= _TIMESPEC.size:
+            seconds, nanoseconds = _TIMESPEC.unpack_from(data)
+            return int(seconds) * 10**9 + int(nanoseconds)
+    return 0
+
+
+class Moment(NamedTuple):
+    """One look at all clocks.
+
+    `wall` and `ros_time` in ns; `here`, by the monotonic clock, and `time`, the robot's, in s.
+    """
+
+    wall: int
+    here: float
+    time: float
+    ros_time: int
+
+
+class ArrivalTimes:
+    """Tells when something had come between two looks; `now`: the robot's clock.
+
+    Between two looks every clock is taken to go evenly, and after the last one in real time.
+    """
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        self._now = now
+        self.before = self.looked = self._moment()
+
+    def look(self) -> Moment:
+        """Look at the clocks, before what has come is read."""
+        self.before, self.looked = self.looked, self._moment()
+        return self.looked
+
+    def of(self, noted: int, read: float) -> Tuple[float, int]:
+        """Return the robot's time in s and ROS time in ns when something had come.
+
+        `noted`: by the kernel; 0: at the last look. It had not come before the look before, nor
+        after it was `read`, by the monotonic clock: the wall clock may have been set.
+        """
+        before, looked = self.before, self.looked
+        ago, span = (looked.wall - noted) / 1e9 if noted else 0.0, looked.here - before.here
+        if ago < 0.0:
+            return self._after(min(-ago, read - looked.here))
+        share = min(ago / span, 1.0) if span > 0.0 else 0.0
+        time_ = looked.time - share * (looked.time - before.time)
+        return time_, looked.ros_time - round(share * (looked.ros_time - before.ros_time))
+
+    def at(self, here: float) -> Tuple[float, int]:
+        """Return the same of a moment on the monotonic clock."""
+        return self._after(here - self.looked.here)
+
+    def _after(self, since: float) -> Tuple[float, int]:
+        since = max(0.0, since)
+        return self.looked.time + since, self.looked.ros_time + round(1e9 * since)
+
+    def _moment(self) -> Moment:
+        here, ros_time = clock.both()
+        return Moment(time.time_ns(), here, self._now(), round(1e9 * ros_time))

@@ -10,7 +10,7 @@ from typing import Callable, Dict, NamedTuple, Optional
 import rosgraph
 import rospy
 
-from shsa_core.agenda import Agenda
+from shsa_core.agenda import Agenda, doubled
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
@@ -87,7 +87,7 @@ class Identities:
             return True
         if node is not None and tries:  # at first it may be registering
             self._refused(connection.topic, connection.publisher, NOT_LISTED)
-        pause = min(settings.FIRST_PAUSE_S * 2**tries, settings.LONGEST_MASTER_PAUSE_S)
+        pause = doubled(settings.FIRST_PAUSE_S, tries, settings.LONGEST_MASTER_PAUSE_S)
         self._again.set(connection, clock.now() + pause)
         self._tries[connection] += 1
         return False

@@ -60,6 +60,12 @@ def listening(at: Address) -> Optional[Owned]:
     return None
 
 
+def answers_at(pid: int, at: Address) -> bool:
+    """Return whether a process answers at a numeric address, as far as we can see."""
+    owned = listening(at) or listening(at)
+    return owned is not None and _holds(pid, f"socket:[{owned.inode}]")
+
+
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     """Return the process that answers at an address; None: none here, several, or one we can't see.
 

@@ -1,7 +1,7 @@
-"""Between the reconfigurator's events and commands and the messages of shsa_msgs."""
+"""Between the events and commands of monitor and reconfigurator and the messages of shsa_msgs."""
 import json
 from math import isfinite
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Tuple
 
 import rospy
 from shsa_msgs import msg, srv
@@ -14,30 +14,28 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.model.substitution import Program
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.calibration import SOURCE
+from shsa_core.monitoring.events import CalibrationRow, FormerlyHealthy, Key, PublisherHealth
+from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
-from shsa_core.monitoring.events import CalibrationRow, PublisherHealth, PublisherState
 from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
 from shsa_core.text import shown
-
-MOMENTS = "last_good detected killed found spawned first_message returned ended".split()
-"""Of an incident."""
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
     """Return the event of a message on /shsa/failures. Raises ShsaError if it is none."""
     detected = failure.header.stamp
-    told = detected if failure.told.is_zero() else failure.told
-    theirs = _clock_of(failure, told)
+    theirs = _clock_of(failure, detected if failure.told.is_zero() else failure.told)
     return read(
         events.FailureSeen,
         failure,
+        theirs,
         time=theirs.at(detected) or clock.now(),
-        kind=_kind(failure.kind) or Kind.OTHER,
+        kind=word_of("kind", Kind, failure.kind or Kind.OTHER),
         detail=shown(failure.detail),
-        last_good=theirs.at(failure.last_good),
         last_message=last_message(bytes(failure.last_message)),
     )
 
@@ -53,10 +51,11 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
     `host`: the computer whose monitor sent it.
     """
     theirs = _clock_of(health, health.header.stamp)
+    keys = (key.partition(" ") for key in health.removed)
     return events.HealthSeen(
         time=clock.now(),
         rows=tuple(_publisher_health(row, theirs) for row in health.publishers),
-        removed=tuple(_key(key) for key in health.removed),
+        removed=tuple((topic, publisher) for topic, _, publisher in keys),
         whole=health.whole,
         anew=anew,
         host=host,
@@ -98,11 +97,8 @@ def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> Pu
     return read(
         PublisherHealth,
         row,
-        state=word_of("state", PublisherState, row.state),
+        theirs,
         since=theirs.at(row.since) or 0.0,
-        first_message=theirs.at(row.first_message),
-        last_good=theirs.at(row.last_good),
-        kind=_kind(row.kind),
         detail=shown(row.detail),
         last_message=last_message(bytes(row.last_message)),
     )
@@ -111,16 +107,6 @@ def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> Pu
 def _clock_of(message: Any, told: rospy.Time) -> clock.SenderClock:
     """Return the clock by which a message was sent at `told`; signed ones know when that was."""
     return clock.sender_clock(told, getattr(message, "sent_here", 0))
-
-
-def _key(text: str) -> Tuple[str, str]:
-    topic, _, publisher = text.partition(" ")
-    return topic, publisher
-
-
-def _kind(text: str) -> Optional[Kind]:
-    """Return the kind of failure; None for none. Raises ShsaError."""
-    return word_of("kind", Kind, text) if text else None
 
 
 def service_state(state: events.ServiceState) -> msg.ServiceState:
@@ -142,23 +128,17 @@ def service_state(state: events.ServiceState) -> msg.ServiceState:
 def incident(record: Incident) -> msg.Incident:
     """One step of an incident."""
     errors = {"error_rms": rms_of(record.errors), "error_p95": p95_of(record.errors)}
-    header = Header(stamp=rospy.Time.now())
-    return filled(msg.Incident, record, header=header, **errors, **_stamps(record))
+    return filled(msg.Incident, record, header=Header(stamp=rospy.Time.now()), **errors)
 
 
 def incident_record(record: Incident) -> Dict[str, object]:
     """Return an incident as plain values for the log; its moments in s of ROS time."""
-    plain = record.as_dict()
-    for name, stamp in _stamps(record).items():
-        plain[name] = None if vars(record)[name] is None else round(stamp.to_sec(), 6)
+    plain, message = record.as_dict(), incident(record)
+    for name, kind in zip(message.__slots__, message._slot_types):
+        if kind == "time":
+            known = getattr(record, name) is not None
+            plain[name] = round(getattr(message, name).to_sec(), 6) if known else None
     return plain
-
-
-def _stamps(record: Incident) -> Dict[str, rospy.Time]:
-    """Return the moments of an incident: in order as they were."""
-    ahead = clock.offset()
-    moments = {name: vars(record)[name] for name in MOMENTS}
-    return {name: clock.to_stamp(moment, ahead) for name, moment in moments.items()}
 
 
 def found(plan: Plan) -> srv.FindSubstituteResponse:
@@ -175,3 +155,79 @@ def found(plan: Plan) -> srv.FindSubstituteResponse:
         proven_best=plan.proven_best,
         detail=f"quality {plan.quality:.2g}, by {using}",
     )
+
+
+def failure_message(row: PublisherHealth) -> msg.Failure:
+    """Return what is told on shsa/failures: all that the row says. Either may be heard first."""
+    header = Header(stamp=clock.to_stamp(row.since))
+    return filled(msg.Failure, row, header=header, told=rospy.Time.now())
+
+
+def health_row(row: PublisherHealth) -> msg.PublisherHealth:
+    """Return a row of the table of health."""
+    return filled(msg.PublisherHealth, row)
+
+
+def health_key(key: Key) -> str:
+    """Return the key of a row of the table of health."""
+    return f"{key[0]} {key[1]}"
+
+
+def health_row_key(row: msg.PublisherHealth) -> str:
+    """Return the key of a row of that table."""
+    return health_key((row.topic, row.publisher))
+
+
+def calibration_row(row: CalibrationRow) -> msg.Calibration:
+    """Return a row of the table of calibrations; 0 stands for what is not known of an error."""
+    errors = [each.error for each in row.calibrations]
+    return filled(
+        msg.Calibration,
+        row.program,
+        service=row.service,
+        gains=[each.gain for each in row.calibrations],
+        offsets=[each.offset for each in row.calibrations],
+        rms=[each.rms if each else 0.0 for each in errors],
+        biases=[each.bias if each else 0.0 for each in errors],
+        p95=[(each.p95 or 0.0) if each else 0.0 for each in errors],
+        samples=[(each.n or 0) if each else 0 for each in errors],
+    )
+
+
+def calibration_key(service: str, program: Program) -> str:
+    """Return the key of a row of the table of calibrations."""
+    return json.dumps([service, program.inputs, program.code, program.outputs])
+
+
+def calibration_row_key(row: msg.Calibration) -> str:
+    """Return the key of a row of the table of calibrations."""
+    program = Program(tuple(row.inputs), row.code, tuple(row.outputs))
+    return calibration_key(row.service, program)
+
+
+def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
+    """Return the event of a message on shsa/substitutions, as far as it concerns the monitor."""
+    rows = tuple(map(_seen_by_monitor, table.substitutions))
+    return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
+
+
+def _seen_by_monitor(row: msg.Substitution) -> Substitution:
+    """Return of a row what the monitor heeds: what else changes in it is no change there."""
+    return Substitution(
+        row.node,
+        row.service,
+        (),
+        "",
+        tuple(Signal(each.topic, each.field, "", "", None, None) for each in row.outputs),
+        quality=row.quality,
+        publishing=row.publishing,
+        bridge=row.bridge,
+        gated=row.gated,
+        shared=row.shared,
+    )
+
+
+def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:
+    """Return who did well, as the reconfigurator's running SOM says."""
+    keys = tuple((row.topic, node) for row in table.services for node in row.healthy)
+    return FormerlyHealthy(clock.now(), keys)

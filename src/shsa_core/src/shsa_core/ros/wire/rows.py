@@ -1,11 +1,13 @@
-"""Rows of the table of substitutions as messages.
+"""Records as messages and back, by the names of their fields; rows of the table of substitutions.
 
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from enum import Enum
-from typing import Any, Callable, List, Mapping, Optional, Sequence, Type, TypeVar
+from functools import lru_cache
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Type, TypeVar
+from typing import get_args, get_type_hints
 
 import genpy
 from shsa_msgs import msg
@@ -13,16 +15,18 @@ from shsa_msgs import msg
 from shsa_core.errors import ShsaError
 from shsa_core.healing.naming import NUMBERED
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import OnPartition, Others, Word
+from shsa_core.model.kinds import Word
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
+from shsa_core.ros import clock
 from shsa_core.ros.messages.tables import Concerns
 from shsa_core.substitution import signals
 
 NOT_KNOWN = math.nan
 
 R = TypeVar("R")
-W = TypeVar("W", bound=Word)
+Read = Callable[[Any, Optional[clock.SenderClock]], Any]
+"""Makes a record's value of a message's."""
 
 
 def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
@@ -47,24 +51,74 @@ def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
 def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
     """Return a message of the fields of its names that a record has, and of `others`.
 
-    None becomes 0.
+    A moment becomes a stamp; None becomes 0, or no text.
     """
-    same = {name: _plain(value) for name, value in vars(record).items() if name in kind.__slots__}
-    return kind(**{**same, **others})
+    types = dict(zip(kind.__slots__, kind._slot_types))
+    same = {name: value for name, value in vars(record).items() if name in types.keys() - others}
+    # Taken once: a thread may have to wait between two looks at the clocks.
+    ahead = clock.offset() if any(types[name] == "time" for name in same) else 0.0
+    told = {name: _written(value, types[name], ahead) for name, value in same.items()}
+    return kind(**told, **others)
 
 
-def _plain(value: Any) -> Any:
+def _written(value: Any, slot: str, ahead: float) -> Any:
+    if slot == "time":
+        return clock.to_stamp(value, ahead)
     if isinstance(value, tuple):
         return list(value)
-    return value.value if isinstance(value, Enum) else 0.0 if value is None else value
+    if value is None:
+        return "" if slot == "string" else 0.0
+    return value.value if isinstance(value, Enum) else value
 
 
-def read(kind: Type[R], message: genpy.Message, /, **others: Any) -> R:
-    """Return the record of the fields of its names that a message has, and of `others`."""
-    named = {each.name for each in fields(kind)} & set(message.__slots__) - others.keys()
-    same = {name: getattr(message, name) for name in named}
-    plain = {name: tuple(v) if isinstance(v, list) else v for name, v in same.items()}
-    return kind(**plain, **others)
+def read(
+    kind: Type[R], message: genpy.Message, by: Optional[clock.SenderClock] = None, /, **others: Any
+) -> R:
+    """Return the record of the fields of its names that a message has, and of `others`.
+
+    Stamps are moments `by` a clock. Raises ShsaError if a word is none.
+    """
+    kinds: Any = kind, type(message)
+    readers = _readers(*kinds)
+    same = {n: reader(getattr(message, n), by) for n, reader in readers.items() if n not in others}
+    return kind(**same, **others)
+
+
+@lru_cache(maxsize=None)
+def _readers(kind: Any, message: Type[genpy.Message]) -> Dict[str, Read]:
+    """Return what reads each field that a record of this kind shares with a message."""
+    slots, hints = dict(zip(message.__slots__, message._slot_types)), get_type_hints(kind)
+    shared = [each for each in fields(kind) if each.name in slots]
+    return {
+        each.name: _reader(each.name, slots[each.name], hints[each.name], each.default)
+        for each in shared
+    }
+
+
+def _reader(name: str, slot: str, hint: Any, default: Any) -> Read:
+    of = next(iter(get_args(hint)), hint)  # Optional[float] is of float
+    if slot == "time":
+        return lambda stamp, by: by.at(stamp) if by else None
+    if isinstance(of, type) and issubclass(of, Word):
+        # No text stands for what a record is made with.
+        return (
+            lambda text, _: default
+            if not text and default is not MISSING
+            else word_of(name, of, text)
+        )
+    if hint is bytes:
+        return lambda data, _: bytes(data)
+    if hint == Optional[float]:
+        return lambda number, _: number or None
+    return lambda value, _: tuple(value) if isinstance(value, list) else value
+
+
+def word_of(name: str, kind: Type[Word], text: str) -> Word:
+    """Return the word that the text of a field is. Raises ShsaError if it is none."""
+    try:
+        return kind(text)
+    except ValueError as error:
+        raise ShsaError(f"{name} must be one of {', '.join(kind)}, not {text!a}") from error
 
 
 def substitution_message(row: Substitution) -> msg.Substitution:
@@ -78,23 +132,9 @@ def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
-    return read(
-        Substitution,
-        message,
-        inputs=tuple(map(signal_of, message.inputs)),
-        outputs=tuple(map(signal_of, message.outputs)),
-        others=word_of("others", Others, message.others or Others.UNKNOWN),
-        last_message=bytes(message.last_message),
-        on_partition=word_of("on_partition", OnPartition, message.on_partition or OnPartition.WAIT),
-    )
-
-
-def word_of(name: str, kind: Type[W], text: str) -> W:
-    """Return the word that the text of a field is. Raises ShsaError if it is none."""
-    try:
-        return kind(text)
-    except ValueError as error:
-        raise ShsaError(f"{name} must be one of {', '.join(kind)}, not {text!a}") from error
+    ends = {"inputs": message.inputs, "outputs": message.outputs}
+    told = {name: tuple(map(signal_of, signals)) for name, signals in ends.items()}
+    return read(Substitution, message, **told)
 
 
 def signal_message(signal: Signal) -> msg.Signal:
@@ -122,13 +162,4 @@ def _error(message: msg.Signal) -> Optional[Error]:
 
 def signal_of(message: msg.Signal) -> Signal:
     """Return the signal that a message holds. Raises ShsaError if it is none."""
-    return signals.checked(
-        read(
-            Signal,
-            message,
-            period=message.period or None,
-            deadline=message.deadline or None,
-            error=_error(message),
-            gain=message.gain or 1.0,
-        )
-    )
+    return signals.checked(read(Signal, message, error=_error(message), gain=message.gain or 1.0))
