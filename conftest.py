@@ -6,7 +6,10 @@ with `N passed, N failed`.
 """
 import fcntl
 import os
+import re
 import tempfile
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Iterator, List, Tuple
 
 import pytest
@@ -18,6 +21,8 @@ COMPUTING = (
     *("test_search", "test_endurance", "test_checked_code", "test_faults", "test_resilience"),
 )
 """Files that compute for long, and in which nothing waits with a deadline."""
+WAITS = re.compile("wait_until|timeout|monotonic|sleep|Thread|socket|chromium")
+"""A word of it is in each other file in which something may wait with a deadline."""
 ROBOTS = (
     *("test_tutorials", "test_three_computers", "test_master", "test_live_page", "test_install"),
     *("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench"),
@@ -26,7 +31,7 @@ ROBOTS = (
 """Files of tests on real processes: they judge real time. What stays together long goes first."""
 ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")
 """Those of them whose tests share nothing: any of them may run beside any other."""
-LONGEST = ("flapping", "inject", "healers_die", "two_robots")
+LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
 PRECISE = ("deadline", "takeover", "heal_amperemeter", "failover", "test_master")
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
@@ -43,6 +48,14 @@ settings.load_profile("busy")
 def module(nodeid: str) -> str:
     """Return the name of a test's file."""
     return nodeid.split("::")[0].rsplit("/", 1)[-1][: -len(".py")]
+
+
+@lru_cache(maxsize=None)
+def computes(file: str) -> bool:
+    """Return whether nothing in a file of tests, by its path or a test's name, has a deadline."""
+    if module(file) in (*COMPUTING, *ROBOTS):
+        return module(file) in COMPUTING
+    return not WAITS.search((Path(__file__).parent / file.split("::")[0]).read_text("utf-8"))
 
 
 def gives_way(worker: str, count: int) -> bool:
@@ -105,7 +118,7 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             """Have the worker that gives way, if there is one, compute; the others do so last."""
             if self.numnodes >= 3:
                 last = gives_way(node.gateway.id, self.numnodes)
-                turn = lambda scope: (module(scope) in COMPUTING, module(scope) not in ROBOTS)
+                turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
                 scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
                 if not scopes:
                     node.shutdown()

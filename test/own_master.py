@@ -152,7 +152,7 @@ class Robot:
         self.healing.await_state(topic, "ended", 30.0)
         since = time.monotonic()
         self.records[topic].await_node(node)
-        wait_until(lambda: len(self.records[topic].times(node)) > 50, 10.0, "a second")
+        wait_until(lambda: len(self.records[topic].times(node)) > 25, 10.0, "half a second")
         assert self.heard_once(topic, node, since)
 
     def end(self) -> None:

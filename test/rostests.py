@@ -6,12 +6,13 @@ import tempfile
 import uuid
 from contextlib import suppress
 from pathlib import Path
-from typing import List
+from typing import Dict, List
 from xml.etree import ElementTree
 
 import psutil
 
 from shsa_testing.processes import marked
+from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -19,6 +20,14 @@ TIMEOUT_S = 240.0
 LEAVING_S = 15.0  # s that processes may take to end after the test
 DUMP_S = 3.0
 MARK = "SHSA_ROSTEST"
+SELDOM: Dict[str, str] = {
+    "calibration": "test_healing_calibrations.py",
+    "flapping": "policies.test",
+    "gates": "gate.test",
+    "hang": "bridging.test",
+    "heal_repeatedly": "takeover.test",
+}
+"""Rostests of `make test-long` alone, and what stands for each of them in `make test`."""
 LONGEST = 8000
 """The end of what a failed test has printed."""
 
@@ -26,7 +35,7 @@ LONGEST = 8000
 def of_packages(*patterns: str) -> List[Path]:
     """Return the rostests of the packages whose folders match."""
     found = {path for each in patterns for path in ROOT.glob(f"{each}/test/rostest/*.test")}
-    return sorted(found)
+    return sorted(path for path in found if LONG or path.stem not in SELDOM)
 
 
 def check(path: Path) -> None:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import conftest
+from rostests import SELDOM
 
 ROOT = Path(__file__).resolve().parent.parent
 TEST = """
@@ -14,6 +15,9 @@ def test_it():
     with open("ran", "a") as ran:
         print(__name__, os.environ["PYTEST_XDIST_WORKER"], os.sched_getscheduler(0), file=ran)
 """
+
+
+WAITS = "# wait_until"
 
 
 def test_the_files_that_have_their_turn_are_there() -> None:
@@ -26,6 +30,12 @@ def test_the_rostests_to_begin_with_are_there() -> None:
     assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
 
 
+def test_what_is_tried_seldom_has_others_that_stand_for_it() -> None:
+    tests = {path.name for path in ROOT.glob("*/*/test/*/*")}
+    assert {f"{name}.test" for name in SELDOM} | {*SELDOM.values()} <= tests
+    assert {Path(name).stem for name in SELDOM.values()}.isdisjoint(SELDOM)
+
+
 def test_the_robots_that_have_the_machine_alone_are_there() -> None:
     rostests = {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
     assert {*conftest.PRECISE} <= {*rostests, *conftest.ROBOTS, "failover"}
@@ -35,7 +45,7 @@ def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
     shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
     names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
     for name in names:
-        (tmp_path / f"{name}.py").write_text(TEST)
+        (tmp_path / f"{name}.py").write_text(TEST + WAITS * (name == "test_one"))
     command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
@@ -43,7 +53,7 @@ def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
     assert sorted(name for name, _, _ in ran) == sorted(names)
     last = [name for name, worker, _ in ran if worker == "gw2"]
-    assert last and {*last} <= {*conftest.COMPUTING}
+    assert last and {*last} <= {*conftest.COMPUTING, "test_other"}
     for _, worker, policy in ran:
         idle = int(policy) == os.SCHED_IDLE
         assert idle or worker != "gw2"

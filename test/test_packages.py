@@ -100,7 +100,7 @@ def installed(tmp_path_factory: Any) -> Installed:
     return Installed(tmp_path_factory.mktemp("packages"))
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES if LONG else ROBOT)
 def test_a_package_stands_alone(name: str, installed: Installed) -> None:
     package, prefix = PACKAGES[name], installed.prefix(name)
     share = prefix / "share" / name
@@ -133,6 +133,7 @@ def test_a_workspace_of_what_a_robot_needs_builds_with_its_tests(tmp_path: Path)
     assert "shsa: learn needs the package shsa_learning" in said
 
 
+@pytest.mark.skipif(not LONG, reason="installs four packages: make test-long")
 def test_the_command_line_works_where_it_is_installed(installed: Installed, tmp_path: Path) -> None:
     packages = [installed.prefix(name) for name in ("shsa_core", "shsa_learning")]
     modules = [str(path) for each in packages for path in each.glob("lib/python3*/*-packages")]

@@ -17,9 +17,9 @@ from shsa_testing.thorough import LONG  # noqa: E402
 TIMEOUT_S = 200.0
 SHORT = (5, 6, 7, 11, 12, 9, 2, 1, 4, 3, 15)
 """The lines that are tried here, the longest first."""
-BY_OTHERS = 1, 4, 5, 6, 7, 9, 11, 12
-"""Those that rostests and test_master try as well, in this order `takeover`, `deadline`,
-`flapping`, `healing_goes_on`, `healers_die`, the hung subscribers, `sim_time` with
+BY_OTHERS = 1, 2, 4, 5, 6, 7, 9, 11, 12
+"""Those that rostests and test_master try as well, in this order `takeover` twice, `deadline`,
+`policies`, `healing_goes_on`, `healers_die`, the hung subscribers, `sim_time` with
 `monitor_parameters`, and `signed` with `trust`: here only in `make test-long`.
 """
 

@@ -7,6 +7,8 @@ from typing import List
 
 import pytest
 
+from shsa_testing.thorough import LONG
+
 ROOT = Path(__file__).resolve().parent.parent
 BLACK = "23."  # other versions format otherwise
 PACKAGES = sorted(path.parent.name for path in ROOT.glob("src/*/setup.py"))
@@ -25,17 +27,31 @@ PYTHON = (b"#!/usr/bin/env python3", b"#!/usr/bin/python3")
 UNTYPED = ("setup.py",)  # a package each: three modules of one name
 
 
-def python_files() -> List[str]:
-    """Return every Python file that git would know, executables without a suffix included."""
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT,
-        check=True,
-        stdout=subprocess.PIPE,
-        universal_newlines=True,
-    ).stdout.splitlines()
-    files = [ROOT / name for name in listed if (ROOT / name).is_file()]
-    return [str(path.relative_to(ROOT)) for path in files if _is_python(path)]
+RECENT = 20
+"""The commits whose files `make test` looks at; `make test-long` looks at all files."""
+
+
+def git(*words: str) -> List[str]:
+    """Return the files that a command of git names; none if it fails."""
+    done = subprocess.run(
+        ["git", *words], cwd=ROOT, stdout=subprocess.PIPE, universal_newlines=True
+    )
+    return done.stdout.splitlines()
+
+
+def python_files(recent: bool = False) -> List[str]:
+    """Return every Python file that git would know, executables without a suffix included.
+
+    If `recent`, and not in the long form, only those that the last commits have changed.
+    """
+    new = git("ls-files", "--others", "--exclude-standard")
+    listed = [ROOT / name for name in (*git("ls-files", "--cached"), *new)]
+    files = [path for path in listed if path.is_file() and _is_python(path)]
+    found = [str(path.relative_to(ROOT)) for path in files]
+    if recent and not LONG:  # all of them where there are no more commits than those
+        changed = {*git("diff", "--name-only", f"HEAD~{RECENT}"), *new}
+        return [name for name in found if name in changed] or found
+    return found
 
 
 def _is_python(path: Path) -> bool:
@@ -71,16 +87,16 @@ def tool(name: str, version: str = "") -> str:
 
 
 def test_format() -> None:
-    run([tool("black", BLACK), "--check", "--quiet", "--diff", *python_files()])
+    run([tool("black", BLACK), "--check", "--quiet", "--diff", *python_files(recent=True)])
 
 
 def test_lint() -> None:
-    run([tool("flake8"), *python_files()])
+    run([tool("flake8"), *python_files(recent=True)])
 
 
 def test_types() -> None:
     # The modules of a folder import each other by their names alone; no two have one name.
-    files = [name for name in python_files() if Path(name).name not in UNTYPED]
+    files = [name for name in python_files(recent=True) if Path(name).name not in UNTYPED]
     run([tool("mypy", "1."), *files], MYPYPATH=os.pathsep.join(FOLDERS))
 
 

@@ -11,6 +11,7 @@ from following import Follower, Tutorial, prepared
 from listings import ROOT, Page, new_reader
 
 from shsa_testing.computers import refusal
+from shsa_testing.thorough import LONG
 
 TUTORIALS = ROOT / "docs" / "tutorials"
 ROVER = Tutorial(TUTORIALS / "heal_the_rover.md")
@@ -30,6 +31,7 @@ def test_a_robot_of_ones_own_is_healed_and_its_incident_read(tmp_path: Path) -> 
     follow(tmp_path, OWN_ROBOT, INCIDENT)
 
 
+@pytest.mark.skipif(not LONG, reason="make test-long; test_partition has two computers")
 def test_the_rover_is_healed_on_three_computers(tmp_path: Path) -> None:
     if refusal(ssh=True):
         pytest.skip(refusal(ssh=True))

@@ -17,6 +17,7 @@ from shsa_core.monitoring.events import (
     Tick,
 )
 from shsa_testing.failures import failures_in
+from shsa_testing.thorough import many
 
 Values = Iterator[float]
 
@@ -57,7 +58,7 @@ def hold(bench: Bench, value: float, seconds: float) -> None:
 
 def test_a_noisy_signal_that_repeats_its_last_value_is_stuck() -> None:
     random = Random(1)
-    for _ in range(40):
+    for _ in range(many(40)):
         values = noise(random)
         bench = bench_with(values, random.randrange(300, 600))
         hold(bench, next(values), 12.0)  # it may be the highest value so far

@@ -23,6 +23,7 @@ from shsa_core.model.kinds import Contain
 from shsa_core.model.som import Som
 from shsa_learning.init.prospects import obstacles
 from shsa_testing.models import law, ontology, som_of, source
+from shsa_testing.thorough import many
 
 END_S = 10.0
 Make = Callable[[float], Any]
@@ -249,7 +250,7 @@ def test_a_recording_with_wrong_bytes_is_read_or_refused(
     init: Init, turtle: str, tmp_path: Path
 ) -> None:
     data = Path(turtle).read_bytes()
-    for seed in range(40):
+    for seed in range(many(40)):
         draw = random.Random(seed)
         broken = bytearray(data)
         for _ in range(20):

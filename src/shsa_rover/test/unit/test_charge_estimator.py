@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from shsa_rover.dataset import CURRENT, PERIOD_S, VOLTAGE, Dataset, random_drive, simulate
 from shsa_rover.drive import Drive
 from shsa_rover.worlds import drawn_world
+from shsa_testing.thorough import some
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "battery.yaml"
 KNOWN = YAML(typ="safe").load(CONFIG.read_text(encoding="utf-8"))
@@ -68,7 +69,7 @@ def test_from_rest_it_starts_right_and_counts() -> None:
 def test_started_while_moving_it_knows_how_far_it_may_be_off() -> None:
     """The open-circuit voltage of a moving battery alone is 2.3 points off, and 7.1 at p95."""
     first, covered = [], []
-    for seed in range(6):
+    for seed in some(range(6), 2):
         data = simulate(random_drive(seed), 240.0, seed, Random(seed).uniform(0.3, 0.95))
         for start in starts_while_moving(data, Random(seed), 3):
             found = estimate(measured(data, start))
@@ -81,7 +82,7 @@ def test_started_while_moving_it_knows_how_far_it_may_be_off() -> None:
 
 def test_with_real_sensors_it_is_as_uncertain_as_it_says() -> None:
     covered = []
-    for seed in range(6):
+    for seed in some(range(6), 3):
         data = simulate(random_drive(seed), 320.0, seed, world=drawn_world(seed))
         for start in (0, *starts_while_moving(data, Random(seed), 1)):
             found = estimate(measured(data, start))

@@ -8,6 +8,7 @@ import pytest
 import roslaunch
 
 from shsa_rover.conductor import command
+from shsa_testing.launches import loaded
 
 LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
@@ -23,10 +24,7 @@ PORTS = {
 
 def load(*arguments: str, launch: str = "rover.launch") -> roslaunch.ROSLaunchConfig:
     """Return the configuration that `roslaunch shsa_rover LAUNCH ARGUMENTS` would start."""
-    file = str(LAUNCH / launch)
-    return roslaunch.config.load_config_default(
-        [(file, list(arguments))], None, assign_machines=False
-    )
+    return loaded(LAUNCH / launch, *arguments)
 
 
 def names(config: roslaunch.ROSLaunchConfig) -> Set[str]:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List
 
 import pytest
-import roslaunch
 import rosbag
 import rospy
 from geometry_msgs.msg import AccelStamped, Twist
@@ -18,11 +17,12 @@ from shsa_msgs.msg import Float64Stamped
 from shsa_core.files.ontology_file import read_ontology
 from shsa_rover.dataset import TOPICS, Dataset, random_drive, simulate
 from shsa_rover.drive import parse_drive
+from shsa_testing.launches import loaded
 
 PACKAGE = Path(__file__).resolve().parents[2]
 ROOT = PACKAGE.parents[1]
 TUTORIAL = ROOT / "docs" / "tutorials" / "learning.md"
-DURATION_S = 50.0  # of a drive, here
+DURATION_S = 25.0  # of a drive, here
 TYPES: Dict[str, Callable[[], Any]] = {
     "/battery_current": Float64Stamped,
     "/battery_voltage": Float64Stamped,
@@ -95,10 +95,8 @@ def test_the_launch_lines_record_the_topics_of_the_som_and_heal_nothing() -> Non
     lines = commands("roslaunch shsa_rover record.launch")
     assert len(lines) == 4
     for words in lines:
-        loaded = roslaunch.config.load_config_default(
-            [(str(PACKAGE / "launch" / words[2]), words[3:])], None
-        )
-        nodes = {node.name: node for node in loaded.nodes}
+        config = loaded(PACKAGE / "launch" / words[2], *words[3:])
+        nodes = {node.name: node for node in config.nodes}
         assert "rover_simulator" in nodes and not {"monitor", "reconfigurator"} & set(nodes)
         bag = next(word[len("bag:=") :] for word in words if word.startswith("bag:="))
         recorder = nodes["recorder"].args.split()

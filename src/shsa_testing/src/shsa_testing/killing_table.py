@@ -238,6 +238,8 @@ class TriedNode:
         """End it for certain."""
         if self._started is not None:
             if self._launch and self._started.poll() is None:
+                for node in psutil.Process(self._started.pid).children():
+                    node.kill()  # one that hangs is waited for by roslaunch
                 self._started.terminate()
                 self._started.wait()
             end_process(self._started)

@@ -6,7 +6,10 @@ import pytest
 from chromium import Browser
 from live_rover import START_S, Rover
 
+from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
+
+pytestmark = pytest.mark.skipif(not LONG, reason="make test-long; view.test has no browser")
 
 HEALED_S = 15.0
 SEEN_S = 0.5

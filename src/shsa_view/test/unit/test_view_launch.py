@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Dict, List
 
 import pytest
-import roslaunch
+
+from shsa_testing.launches import loaded
 
 SOURCES = Path(__file__).resolve().parents[3]
 LAUNCH = SOURCES / "shsa_core" / "launch" / "shsa.launch"
@@ -15,8 +16,7 @@ ALONE = SOURCES / "shsa_view" / "launch" / "view.launch"
 
 def load(file: Path, *words: str) -> Dict[str, List[str]]:
     """Return the nodes that a launch file would start, and their words."""
-    given = [(str(file), ["ontology:=/o", "som:=/s", *words])]
-    config = roslaunch.config.load_config_default(given, None, assign_machines=False)
+    config = loaded(file, "ontology:=/o", "som:=/s", *words)
     return {node.name: shlex.split(node.args) for node in config.nodes}
 
 
