@@ -1,5 +1,6 @@
 """The monitor's core on the bench: time is moved by hand, messages and connections are made up."""
 from dataclasses import replace
+from math import inf
 from typing import Any, Dict, List, Optional, Tuple
 
 from shsa_core.model.checks import Checks, default_checks
@@ -17,12 +18,14 @@ from shsa_core.monitoring.events import (
     Key,
     Message,
     PublisherHealth,
+    PublisherState,
     SomChanged,
     SubstitutionsChanged,
     Tick,
     Told,
 )
 from shsa_core.monitoring.machine import Monitor
+from shsa_core.monitoring.publishers import NOBODY
 from shsa_core.monitoring.settings import Settings
 
 TOPIC, NODE = "/battery_current", "/amperemeter"
@@ -123,10 +126,10 @@ class Bench:
         return commands
 
     def _check(self) -> None:
-        self.core.validate()
+        check_tables(self.core)
         # Messages are as of the row's last change.
         # Under simulated time, so is when it was.
-        when = {"since": 0.0} if self.core.simulated else {}
+        when = {"since": 0.0} if self.core._pace.simulated else {}
         strip = lambda each: replace(each, first_message=None, last_good=None, **when)
         table = {each.key: strip(each) for each in self.core.table()}
         assert table == {key: strip(each) for key, each in self.rows.items()}
@@ -169,7 +172,7 @@ class Bench:
 
     def wake(self, late: float) -> None:
         """The monitor wakes `late` s after it wanted to, and looks."""
-        self.send(Tick(self.now, self.now - late, self.now))
+        self.send(Tick(self.now, late))
 
     def substitutes(self, *rows: Tuple[str, bool], topic: str = TOPIC) -> None:
         """The whole table: nodes that have a program for `topic`, and whether they publish."""
@@ -182,6 +185,31 @@ class Bench:
 
     def kinds(self) -> List[Tuple[str, str]]:
         return [(f.publisher, str(f.kind)) for f in self.failures]
+
+
+def check_tables(core: Monitor) -> None:
+    """Fail if anything is as it must never be."""
+    board = core._board
+    for topic in board.topics.values():
+        assert topic.services, f"{topic.name} is watched for no service"
+        assert topic.publishers, f"{topic.name} has no row"
+        for name, watched in topic.services.items():
+            due = board.agenda.when(watched)
+            told = not watched.is_awaited or not topic.subscribed
+            assert told or due < inf, f"nobody waits for {name}"
+    for publisher in board.all():
+        where = f"{publisher.name or 'nobody'} on {publisher.topic.name}"
+        state, watched_ = publisher.state, publisher.watched
+        services = {"": publisher.topic.unknown, **publisher.topic.services}
+        own = services.get(publisher.service.name) is watched_
+        failed = state is PublisherState.FAILED
+        assert own, f"{where} provides a service of another topic"
+        assert failed == (publisher.kind is not None), f"{where} is {state} without why"
+        there = publisher.connected or state is not PublisherState.HEALTHY
+        assert there, f"{where} is gone, and healthy"
+        assert publisher.name != NOBODY or not publisher.connected, f"{where} is connected"
+        due = board.agenda.when(publisher)
+        assert due <= publisher.deadline, f"nobody looks at {where} when it is due"
 
 
 def streaming() -> Bench:

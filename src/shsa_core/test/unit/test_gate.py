@@ -45,7 +45,8 @@ class Stand:
                 self.said.append(command.text)
             else:
                 passed.append(command)
-        self.core.validate()
+        assert not (self.core._muted and passed), "a muted gate lets nothing pass"
+        assert {each.publisher for each in passed} <= {GATED.node, *self.core._judges}
         self.heard += [(event.time, each) for each in passed]
         return passed
 

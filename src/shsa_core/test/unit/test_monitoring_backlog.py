@@ -4,6 +4,7 @@ from typing import List, Optional
 
 import pytest
 
+from monitor_bench import check_tables
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
@@ -35,7 +36,7 @@ class Link:
 
     def feed(self, event: object) -> None:
         self.said += self.monitor.handle(event)  # type: ignore[arg-type]
-        self.monitor.validate()
+        check_tables(self.monitor)
 
     def hear(self, time: float, sent: Optional[float] = None) -> None:
         """A message comes that was sent at a time, now if none is given."""

@@ -37,7 +37,7 @@ def bench() -> Bench:
 def publisher(bench: Bench, node: str = NODE, topic: str = TOPIC) -> Publisher:
     found = bench.core._board.find(topic, node)
     assert found is not None
-    return found[1]
+    return found
 
 
 def allowed(bench: Bench) -> float:

@@ -17,7 +17,7 @@ def flood(bench: Bench, knows: bool) -> None:
     for _ in range(TURNS):
         began = bench.now
         bench.now += TURN_S
-        bench.send(Tick(bench.now, began + PERIOD if knows else bench.now, bench.now))
+        bench.send(Tick(bench.now, bench.now - began - PERIOD if knows else 0.0))
         for number in range(1, round(TURN_S / PERIOD) + 1):
             bench.send(Message(began + number * PERIOD, TOPIC, NODE, (1.0,), age=0.0))
 

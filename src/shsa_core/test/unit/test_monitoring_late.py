@@ -41,12 +41,6 @@ def test_a_hairs_breadth_of_lateness_is_not_granted(bench: Bench) -> None:
     assert bench.kinds() == [(NODE, "silent")]
 
 
-def test_lateness_is_what_the_monitor_lost_between_wanting_to_wake_and_waking() -> None:
-    assert Tick(9.0).late == Tick(9.0, 3.0).late == Tick(9.0, None, 3.0).late == 0.0
-    assert Tick(9.0, 3.0, 2.0).late == 0.0
-    assert Tick(9.0, 3.0, 3.5).late == 0.5
-
-
 def test_the_lateness_of_one_turn_excuses_nobody_in_the_next(bench: Bench) -> None:
     bench.wait(0.5 * DEADLINE)
     bench.wake(10.0)

@@ -4,7 +4,7 @@ from random import Random
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service
 
-from shsa_core.monitoring.events import ClockTicked, Message, NodesEnding, Tick
+from shsa_core.monitoring.events import ClockTicked, Ending, Message, Tick
 
 CLOCK_S = 0.01
 
@@ -138,7 +138,7 @@ def ending_bench() -> Bench:
 
 def test_who_stops_with_its_launch_has_not_failed_and_is_not_awaited() -> None:
     bench = ending_bench()
-    bench.send(NodesEnding(bench.now, (NODE,)))
+    bench.send(Ending(bench.now, (NODE,)))
     bench.wait(2 * DEADLINE)  # it falls silent first
     bench.disconnect()
     bench.wait(10 * SETTINGS.startup_grace)
@@ -147,7 +147,7 @@ def test_who_stops_with_its_launch_has_not_failed_and_is_not_awaited() -> None:
 
 def test_who_is_started_again_is_watched_again() -> None:
     bench = ending_bench()
-    bench.send(NodesEnding(bench.now, (NODE, "/other")))
+    bench.send(Ending(bench.now, (NODE, "/other")))
     bench.disconnect()
     bench.disconnect("/other", "/other")
     bench.wait(10 * SETTINGS.startup_grace)
@@ -160,6 +160,6 @@ def test_who_is_started_again_is_watched_again() -> None:
 
 def test_a_node_of_another_launch_is_no_excuse() -> None:
     bench = ending_bench()
-    bench.send(NodesEnding(bench.now, ("/other",)))
+    bench.send(Ending(bench.now, ("/other",)))
     bench.disconnect()
     assert bench.kinds() == [(NODE, "node_gone")]

@@ -214,9 +214,6 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(fed_wrong=True),
         dict(fed_slowly=True),
         dict(fed_anew=True),
-        dict(subscribed=False),
-        dict(formerly=True, together=3),
-        dict(formerly=True, short=8.5),
         dict(robot_came=False),
     )
     for row, fact in zip(ROWS, facts):

@@ -6,8 +6,7 @@ from typing import List
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service
 
-from shsa_core.errors import ShsaError
-from shsa_core.monitoring.settings import CHANGEOVER_S, TELL_S
+from shsa_core.monitoring.settings import CHANGEOVER_S
 from shsa_core.monitoring.events import Message, SubstitutionsChanged, Told
 
 
@@ -153,12 +152,6 @@ def test_a_retired_substitute_that_connects_again_is_a_stranger(bench: Bench) ->
     assert bench.kinds() == [("/substitute_1", "unknown_publisher")]
 
 
-def test_a_retired_substitute_that_is_not_there_is_an_error(bench: Bench) -> None:
-    bench.core._board.substitutes.retired.add((TOPIC, "/nobody"))
-    with pytest.raises(ShsaError, match="retired, but not there"):
-        bench.core.validate()
-
-
 def test_a_substitute_that_ends_and_leaves_nobody_is_missed_though_it_was_meant_to_end() -> None:
     bench = Bench()  # it started when the original was dead already
     bench.substitutes(("/substitute_1", True))
@@ -201,15 +194,13 @@ def test_who_fills_in_is_counted_and_held_against_nobody(bench: Bench) -> None:
     bench.stream(20)
     (told,) = filled_in(bench)
     bench.stream(20)
-    assert told.startswith(f"{TOPIC}: /substitute_1 has filled in for a late message, once so far")
-    assert filled_in(bench) == []  # people were told just now
+    assert told.startswith(f"{TOPIC}: /substitute_1 has filled in for a late message. This")
+    assert filled_in(bench) == []  # people were told
     bench.stream(20)
     assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
     assert bench.core.muted() == {(TOPIC, "/substitute_1")}
     (health,) = bench.core.overview()
     assert (str(health.condition), health.bridged) == ("healthy", 2)
-    bench.stream(int(TELL_S / PERIOD))
-    assert ["3 times" in each for each in filled_in(bench)] == [True]
 
 
 def test_a_late_original_is_as_late_beside_who_fills_in(bench: Bench) -> None:
@@ -243,4 +234,4 @@ def test_one_that_was_muted_just_now_does_not_fill_in_yet(bench: Bench) -> None:
     bridges(bench)
     assert filled_in(bench) == []  # to consumers whom the original does not serve yet
     bench.stream(int(CHANGEOVER_S / PERIOD))
-    assert ["once" in each for each in filled_in(bench)] == [True]
+    assert len(filled_in(bench)) == 1

@@ -409,7 +409,7 @@ class HealthyRobot:
         node = self.random.choice(list(self._nodes.values()))
         how = self.random.choice(("crash", "rosnode kill", "launch"))
         if how == "launch":
-            self._watch(events.NodesEnding(self.now, (node.name,)))
+            self._watch(events.Ending(self.now, (node.name,)))
         self._end(node, how != "crash", self.random.choice((0.3, 1.0, 5.0, 30.0)))
 
     # What sees and heals it
@@ -426,7 +426,7 @@ class HealthyRobot:
         self._watch(events.ClockTicked(self.now, ros_time, self._simulated, waited))
         for hear in held:
             hear()
-        self._watch(events.Tick(self.now, min(wanted, self.now), self.now))
+        self._watch(events.Tick(self.now, max(0.0, self.now - wanted)))
         self._looked = self.now
         due = max(self.now, min(self._monitor.next_deadline, self.now + LOOK_S))
         self._wanted = due

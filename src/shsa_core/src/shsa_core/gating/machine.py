@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Dict, List, Optional, Set
 
 from shsa_core.dispatch import Table, table
-from shsa_core.errors import ShsaError
 from shsa_core.gating import events, settings
 from shsa_core.gating.doubt import Doubt
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
@@ -36,17 +35,13 @@ class _Original:
         """Hold nothing against it that another process did."""
         self.failure: Optional[Finding] = None
         self.evidence = Evidence(self.judged, learned={})
-        self._good_in_a_row = 0
 
     def judge(self, arrived: Arrived) -> bool:
         """Tell if a message may be heard: it is good, and so were those before it."""
         good, failure = self.evidence.weigh(arrived.message, self.failure is not None)
-        self._good_in_a_row = self._good_in_a_row + 1 if good else 0
-        if failure is not None:
-            self.failure = self.failure or failure
-        elif self.failure is not None and self._good_in_a_row >= self.evidence.verdict.recovery:
+        self.failure = self.failure or failure
+        if self.failure is not None and self.evidence.recovers(good):
             self.failure = None
-            self.evidence.verdict.clear()
         return good and self.failure is None
 
     def is_in_turn(self, time: float) -> bool:
@@ -83,7 +78,6 @@ class Gate:
         self._watch = Watch()
         self._first_heard, self._may_miss = time, time + settings.START_S
         self._wanted = math.inf  # when it wanted to wake
-        self._said: List[Command] = []
         self._handlers: Table[List[Command]] = table(
             Event,
             {
@@ -104,9 +98,9 @@ class Gate:
     def handle(self, event: Event) -> List[Command]:
         """Return the commands that an event calls for."""
         self._watch.look(event.time, self._wanted)
-        self._said = self._handlers[type(event)](event)
+        said = self._handlers[type(event)](event)
         self._wanted = self.next_deadline
-        return self._said
+        return said
 
     @property
     def next_deadline(self) -> float:
@@ -117,15 +111,6 @@ class Gate:
             return self._last_out + self._periods(settings.LATE)
         patience = max(self._periods(settings.OLD), settings.LEAST_PATIENCE_S)
         return max(self._may_miss, self._watch.when(self._first_heard, patience))
-
-    def validate(self) -> None:
-        """Raises ShsaError if what must always hold after an event does not."""
-        passed = [each for each in self._said if isinstance(each, Pass)]
-        if self._muted and passed:
-            raise ShsaError("a muted gate lets nothing pass")
-        for each in passed:
-            if each.publisher not in (self._service.node, *self._judges):
-                raise ShsaError(f"{each.publisher} is neither the node nor a substitute")
 
     def _periods(self, count: float) -> float:
         period = self._service.period

@@ -44,6 +44,12 @@ def write_line(data: Any) -> bytes:
     return _write(data).encode() + b"\n"
 
 
+def create(path: str) -> int:
+    """Open a new file that only its owner can read or write. Raises OSError."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    return os.open(path, flags, 0o600)
+
+
 def write_all(file: int, data: bytes) -> None:
     """Write all of the data to a file descriptor. Raises OSError."""
     while data:

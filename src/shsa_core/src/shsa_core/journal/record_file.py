@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional,
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_own
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.lines import read_line, write_all, write_line
+from shsa_core.journal.lines import create, read_line, write_all, write_line
 
 VERSION = 1
 HEADER, REMOVED = "records", "removed"
@@ -82,8 +82,7 @@ class RecordFile:
         beside = self._path + ".new"
         with contextlib.suppress(FileNotFoundError):
             os.unlink(beside)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        self._file = os.open(beside, flags, 0o600)
+        self._file = create(beside)
         write_all(self._file, write_line({HEADER: VERSION, **self._owner}))
         write_all(self._file, b"".join(self._kept.values()))
         os.replace(beside, self._path)

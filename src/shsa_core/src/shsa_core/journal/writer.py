@@ -13,6 +13,7 @@ from shsa_core.journal.lines import (
     HEADER,
     START,
     VERSION,
+    create,
     digest,
     write_all,
     write_line,
@@ -66,8 +67,7 @@ class JournalWriter:
         try:
             header = self._header(setup)
             _keep_former(path)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-            self._file = os.open(path, flags, 0o600)
+            self._file = create(path)
             self._write(header)
         except (OSError, TypeError, ValueError) as error:
             self._stop(str(error))

@@ -9,7 +9,7 @@ from enum import Enum
 from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
-from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, TOGETHER_NODES, TOGETHER_S
+from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, TOGETHER_NODES
 
 
 class Blame(Enum):
@@ -29,15 +29,14 @@ class Blame(Enum):
 class Case:
     """A publisher that is late since it `began` to be, and what else was going on. Times in s.
 
-    `limit`: until when alibis of a silence count. `due`: when it is late by the watch, which stands
+    `limit`: until when alibis count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
     `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
     when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
     own. `together`: how many nodes are late, or out of range, with it, itself included.
     `confirmed`: what others tell is as far out of range. `fed_wrong`: what it is computed from is
-    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `subscribed`:
-    its topic is. `robot_came`: some node of the robot was there. `formerly`: it did well under a
-    former monitor.
+    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `robot_came`:
+    some node of the robot was there. `formerly`: it did well under a former monitor.
     """
 
     blame: Blame
@@ -55,7 +54,6 @@ class Case:
     fed_wrong: bool = False
     fed_slowly: bool = False
     fed_anew: bool = False
-    subscribed: bool = True
     robot_came: bool = True
     formerly: bool = False
 
@@ -108,12 +106,12 @@ ROWS = (
     ),
     Row(
         "it waits for a processor, or the computer is short of processor time",
-        _LATE,
+        (*_LATE, Blame.START),
         lambda case: case.short + CHANGEOVER_S >= case.began,
     ),
     Row(
         "nodes that have nothing to do with each other are late together",
-        _LATE,
+        (*_LATE, Blame.START),
         lambda case: case.together >= TOGETHER_NODES,
     ),
     Row(
@@ -145,19 +143,6 @@ ROWS = (
         "a substitute publishes what it is computed from",
         (Blame.VALUE,),
         lambda case: case.fed_anew,
-    ),
-    Row("its topic is not subscribed yet", _START, lambda case: not case.subscribed),
-    Row(
-        "others that did well before are not connected yet, either",
-        _START,
-        lambda case: case.formerly and case.together >= TOGETHER_NODES,
-        lambda case: case.began + TOGETHER_S,
-    ),
-    Row(
-        "it did well before and is there, but the computer is short of processor time",
-        _START,
-        lambda case: case.formerly and case.short + CHANGEOVER_S >= case.began,
-        lambda case: case.began + TOGETHER_S,
     ),
     Row(
         "nothing of the robot is there yet",

@@ -1,18 +1,20 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
+from collections import defaultdict
 from math import inf
-from typing import Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import DefaultDict, Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
-from shsa_core.errors import ShsaError
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
+from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import (
     Command,
     HealthChanged,
     Key,
     PublisherHealth,
     PublisherState,
+    SubstitutionsChanged,
     Told,
 )
 from shsa_core.monitoring.publishers import (
@@ -22,263 +24,283 @@ from shsa_core.monitoring.publishers import (
     WatchedTopic,
     without_numbers,
 )
-from shsa_core.monitoring.substitutes import Bridges, Substitutes
+from shsa_core.monitoring.settings import BRIDGES_APART
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
 
-
-class Silence(NamedTuple):
-    """A publisher may have been silent for too long."""
-
-    topic: str
-    publisher: str
-
-
-class Grace(NamedTuple):
-    """The start-up grace of a service may be over."""
-
-    topic: str
-    service: str
-
-
-Due = Union[Silence, Grace]
+Due = Union[Publisher, WatchedService]
+"""A publisher may have been silent for too long, or nobody was there for a service in time."""
+Change = Tuple[str, Optional[Substitution], Optional[Substitution]]
+"""A node, and its row of the table of substitutions before and now."""
 
 NEVER_GOOD = "it was never good by these numbers: the SOM may be wrong, and not the node"
 
 
-class Board:
-    """The watched topics with their publishers; notes every change until `commands` takes them."""
+class Substitutes:
+    """The rows of the table of substitutions, by their nodes."""
 
     def __init__(self) -> None:
+        self._rows: Dict[str, Substitution] = {}
+        self._of_node: DefaultDict[str, Dict[str, Substitution]] = defaultdict(dict)
+
+    def change(self, event: SubstitutionsChanged) -> List[Change]:
+        """Take a change of the table; return which rows it changes."""
+        new = {row_key(row): row for row in event.rows if row.node}  # the others are plans
+        gone = list(self._rows) if event.whole else event.removed
+        changes: List[Change] = []
+        for key in [key for key in gone if key in self._rows and key not in new]:
+            row = self._rows.pop(key)
+            del self._of_node[row.node][key]
+            changes.append((row.node, row, None))
+        for key, row in new.items():
+            before = self._rows.get(key)
+            if before != row:
+                changes.append((row.node, before, row))
+            self._rows[key] = self._of_node[row.node][key] = row
+        return changes
+
+    def row(self, topic: str, node: str) -> Optional[Substitution]:
+        """Return the row of a node that has to do with a topic; None: the node is no substitute.
+
+        An idle one, or one that publishes elsewhere, may have advertised this topic as well.
+        """
+        rows = self._of_node.get(node)
+        if not rows:
+            return None
+        here = [row for row in rows.values() if topic in row.topics]
+        return (here or [*rows.values()])[0]
+
+
+class Board:
+    """The watched topics with their publishers, as of `now`, in s.
+
+    Notes every change until `commands` takes them.
+    """
+
+    def __init__(self) -> None:
+        self.now = -inf
         self.topics: Dict[str, WatchedTopic] = {}
         self.substitutes = Substitutes()
-        self.bridges = Bridges()
         self.agenda: Agenda[Due] = Agenda()
         self._failed: List[PublisherHealth] = []
-        self._told: List[Command] = []
+        self._said: List[Command] = []
         self._touched: Dict[Key, None] = {}
 
-    def all(self) -> Iterable[Tuple[WatchedTopic, Publisher]]:
-        """Yield every publisher with its topic."""
+    def all(self) -> Iterator[Publisher]:
+        """Yield every publisher."""
         for topic in self.topics.values():
-            for publisher in topic.publishers.values():
-                yield topic, publisher
+            yield from topic.publishers.values()
 
-    def find(self, topic: str, name: str) -> Optional[Tuple[WatchedTopic, Publisher]]:
-        """Return a publisher with its topic; None if there is none of that name."""
+    def find(self, topic: str, name: str) -> Optional[Publisher]:
+        """Return a publisher; None if there is none of that name."""
         found = self.topics.get(topic)
-        publisher = found.publishers.get(name) if found else None
-        return (found, publisher) if found and publisher else None
+        return found.publishers.get(name) if found else None
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the row of every publisher."""
-        return tuple(publisher.row(topic.name) for topic, publisher in self.all())
+        return tuple(publisher.row() for publisher in self.all())
 
-    def commands(self, time: float) -> List[Command]:
-        """Return the changed rows, and what is told to people, since the last call."""
+    def say(self, command: Command) -> None:
+        """Say something beside the rows that have changed."""
+        self._said.append(command)
+
+    def commands(self) -> List[Command]:
+        """Return the changed rows, and what else is said, since the last call."""
         commands: List[Command] = []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
-            rows = tuple(each[1].row(each[0].name) for each in found.values() if each)
-            removed = tuple(key for key, each in found.items() if not each)
-            commands.append(HealthChanged(time, rows, removed, tuple(self._failed)))
-        commands += self._told
-        self._failed, self._touched, self._told = [], {}, []
+            rows = tuple(publisher.row() for publisher in found.values() if publisher)
+            removed = tuple(key for key, publisher in found.items() if not publisher)
+            commands.append(HealthChanged(self.now, rows, removed, tuple(self._failed)))
+        commands += self._said
+        self._failed, self._touched, self._said = [], {}, []
         return commands
 
     # Who is who
 
-    def watched_of(self, topic: WatchedTopic, publisher: str) -> Optional[WatchedService]:
-        """Return the service that a publisher provides; None if nobody can tell."""
-        return topic.service_of(publisher, self.substitutes.service(topic.name, publisher))
+    def watched_of(self, topic: WatchedTopic, publisher: str) -> WatchedService:
+        """Return the service that a publisher provides."""
+        row = self.substitutes.row(topic.name, publisher)
+        return topic.service_of(publisher, row.service if row else "")
 
-    def is_named(self, topic: WatchedTopic, publisher: Publisher) -> bool:
+    def substitution(self, publisher: Publisher) -> Optional[Substitution]:
+        """Return its row in the table of substitutions; None: it is no substitute."""
+        return self.substitutes.row(*publisher.key)
+
+    def is_substitute(self, publisher: Publisher) -> bool:
+        """Tell if the table of substitutions names a publisher, or did until now."""
+        return publisher.retired or self.substitution(publisher) is not None
+
+    def is_named(self, publisher: Publisher) -> bool:
         """Tell if the SOM or the table of substitutions names a publisher, or did until now."""
-        name = publisher.name
-        return name in topic.nodes or self.substitutes.is_known(topic.name, name)
+        return publisher.name in publisher.topic.nodes or self.is_substitute(publisher)
 
-    def upstream(self, service: Service) -> Iterator[Tuple[str, Publisher]]:
-        """Yield the publishers of what a service is computed from, with their topics."""
+    def may_be_silent(self, publisher: Publisher) -> bool:
+        """Tell if it is a substitute that need not publish here: a muted one, or a retired one."""
+        row = self.substitution(publisher)
+        silent = row is not None and not publishes(row, publisher.topic.name)
+        return publisher.retired or silent
+
+    def upstream(self, service: Service) -> Iterator[Publisher]:
+        """Yield the publishers of what a service is computed from."""
         for topic in self.topics.values():
             if not topic.services.keys().isdisjoint(service.upstream):
-                yield from ((topic.name, each) for each in topic.publishers.values())
-
-    def may_be_silent(self, topic: WatchedTopic, publisher: Publisher) -> bool:
-        """Tell if a publisher is a substitute that need not publish here."""
-        return self.substitutes.may_be_silent(topic.name, publisher.name)
+                yield from topic.publishers.values()
 
     # Changes
 
-    def look_when_due(self, topic: WatchedTopic, publisher: Publisher) -> None:
+    def look_when_due(self, publisher: Publisher) -> None:
         """Have a publisher looked at once its silence is due."""
-        self.agenda.bring_forward(Silence(topic.name, publisher.name), publisher.deadline)
+        self.agenda.bring_forward(publisher, publisher.deadline)
 
-    def bridge(self, topic: WatchedTopic, publisher: str, time: float) -> bool:
-        """Count a message of a muted substitute that fills in; tell if it was one.
+    def is_heard(self, publisher: Publisher) -> bool:
+        """Tell if a message of a publisher counts: no muted substitute fills in, or is kept back.
 
-        Once the original has failed it is none: the substitute may know sooner that it took over.
+        Once the original has failed none fills in: it may know sooner that it took over.
         """
-        row = self.substitutes.bridging(topic.name, publisher)
-        if row is None:
-            return False
+        row, topic = self.substitution(publisher), publisher.topic
+        if row is None or not stands_by(row, topic.name):
+            return True
         watched = topic.services.get(row.service)
         original = topic.publishers.get(watched.service.node) if watched else None
-        if original is not None and original.state is FAILED:
-            return False
-        bridged = self.bridges.heard((topic.name, publisher), row, time)
-        if bridged is not None:
-            self._told.append(bridged)
-        return True
+        bridges = row.bridge > 0.0 and (original is None or original.state is not FAILED)
+        if bridges and watched is not None:
+            self._count_bridge(publisher, watched, row.bridge)
+        return not (bridges or row.gated)
 
-    def meet(self, topic: WatchedTopic, name: str, time: float, uri: str = "") -> Publisher:
+    def _count_bridge(self, publisher: Publisher, watched: WatchedService, bridge: float) -> None:
+        """Count how often somebody fills in, and tell people of the first time."""
+        before, publisher.filled_in = publisher.filled_in, max(self.now, publisher.filled_in)
+        if self.now - before <= BRIDGES_APART * bridge:
+            return
+        watched.bridged += 1
+        if watched.bridged == 1:
+            what = f"{publisher.name} has filled in for a late message"
+            self.say(Told(self.now, f"{publisher.topic.name}: {what}. This is no failure"))
+
+    def meet(self, topic: WatchedTopic, name: str, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
-        self.substitutes.retired.discard((topic.name, name))
-        publisher = Publisher(name, time, self.watched_of(topic, name), uri=uri)
+        publisher = Publisher(topic, name, self.now, self.watched_of(topic, name), uri=uri)
         topic.publishers[name] = publisher
-        self.touch(topic, name)
+        self.touch(publisher)
         self._miss_no_more(topic, publisher.watched)
-        self.notice(topic, publisher, time)
+        self.notice(publisher)
         return publisher
 
-    def notice(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+    def notice(self, publisher: Publisher) -> None:
         """Note that a publisher is connected: all that an event-driven service asks of its node."""
         watched = publisher.watched
-        if watched is None or not publisher.connected or self.may_be_silent(topic, publisher):
+        if not publisher.connected or self.may_be_silent(publisher):
             return
         watched.appeared = True
         if publisher.last_heard is None:
             named = publisher.name == watched.service.node
             if watched.service.event_driven and named and publisher.state is UNKNOWN:
-                self.become_healthy(topic, publisher, time)
+                self.become_healthy(publisher)
             elif not watched.service.event_driven and publisher.state is HEALTHY:
-                self.mute(topic, publisher, time)
+                self.mute(publisher)
 
-    def expect(self, topic: WatchedTopic, time: float) -> Publisher:
+    def expect(self, topic: WatchedTopic) -> Publisher:
         """Return the publisher without a name: somebody should be there."""
-        self.touch(topic, NOBODY)
         if NOBODY not in topic.publishers:
-            topic.publishers[NOBODY] = Publisher(NOBODY, time, None, connected=False)
+            topic.publishers[NOBODY] = Publisher(
+                topic, NOBODY, self.now, topic.unknown, connected=False
+            )
+        self.touch(topic.publishers[NOBODY])
         return topic.publishers[NOBODY]
 
-    def miss(self, topic: WatchedTopic, name: str, time: float) -> Publisher:
+    def miss(self, topic: WatchedTopic, name: str) -> Publisher:
         """Put a publisher that should be there, and is not connected."""
         if NOBODY in topic.publishers:
-            self.drop(topic, NOBODY)
-        missed = self.meet(topic, name, time)
+            self.drop(topic.publishers[NOBODY])
+        missed = self.meet(topic, name)
         missed.connected = False
         return missed
 
-    def fail(
-        self, topic: WatchedTopic, publisher: Publisher, time: float, kind: Kind, detail: str
-    ) -> None:
+    def fail(self, publisher: Publisher, kind: Kind, detail: str) -> None:
         """Fail a publisher."""
         if _never_good(publisher, kind):
             detail = f"{detail}; {NEVER_GOOD}"
-        publisher.become(time, FAILED, kind, detail)
-        self._failed.append(publisher.row(topic.name))
-        self.touch(topic, publisher.name)
+        publisher.become(self.now, FAILED, kind, detail)
+        self._failed.append(publisher.row())
+        self.touch(publisher)
 
-    def note(
-        self, topic: WatchedTopic, publisher: Publisher, detail: str, time: float, log: bool = False
-    ) -> None:
+    def note(self, publisher: Publisher, detail: str, log: bool = False) -> None:
         """Tell why one that has not failed is not blamed, or what is unusual; empty: nothing is.
 
         `log`: people are told as well, once in a life of it, whatever its numbers.
         """
         if publisher.detail != detail:
             publisher.detail = detail
-            self.touch(topic, publisher.name)
+            self.touch(publisher)
         if log and not publisher.was_logged:
             publisher.logged.add(without_numbers(detail))
-            self._told.append(Told(time, f"{topic.name}: {publisher.name}: {detail}"))
+            self.say(Told(self.now, f"{publisher.topic.name}: {publisher.name}: {detail}"))
 
-    def become_healthy(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+    def become_healthy(self, publisher: Publisher) -> None:
         """Find a publisher healthy."""
-        publisher.become(time, HEALTHY)
-        self.look_when_due(topic, publisher)
-        self.touch(topic, publisher.name)
-        self._miss_no_more(topic, publisher.watched)
-        self.forget_gone(topic)
+        publisher.become(self.now, HEALTHY)
+        self.look_when_due(publisher)
+        self.touch(publisher)
+        self._miss_no_more(publisher.topic, publisher.watched)
+        self.forget_gone(publisher.topic)
 
-    def mute(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+    def mute(self, publisher: Publisher) -> None:
         """Mute a publisher, which need not publish; it begins anew when it does."""
-        publisher.mute(time)
-        self.touch(topic, publisher.name)
+        publisher.mute(self.now)
+        self.touch(publisher)
 
-    def drop(self, topic: WatchedTopic, name: str) -> None:
+    def drop(self, publisher: Publisher) -> None:
         """Forget a publisher."""
-        del topic.publishers[name]
-        self.substitutes.retired.discard((topic.name, name))
-        self.touch(topic, name)
+        del publisher.topic.publishers[publisher.name]
+        self.touch(publisher)
 
     def drop_topic(self, name: str) -> None:
         """Watch a topic no more."""
-        topic = self.topics[name]
-        for publisher in list(topic.publishers):
-            self.drop(topic, publisher)
+        for publisher in list(self.topics[name].publishers.values()):
+            self.drop(publisher)
         del self.topics[name]
 
     def forget_gone(self, topic: WatchedTopic) -> None:
         """Drop the publishers that are gone and missed by nobody: a healthy one is there."""
-        gone = [p.name for p in topic.publishers.values() if not p.connected and p.name != NOBODY]
-        for name in gone if topic.healthy() else ():
-            if name not in topic.nodes:
-                self.drop(topic, name)
+        gone = [p for p in topic.publishers.values() if not p.connected and p.name != NOBODY]
+        for publisher in gone if topic.healthy() else ():
+            if publisher.name not in topic.nodes:
+                self.drop(publisher)
 
-    def _miss_no_more(self, topic: WatchedTopic, watched: Optional[WatchedService]) -> None:
+    def _miss_no_more(self, topic: WatchedTopic, watched: WatchedService) -> None:
         """Somebody provides a service: drop the publisher without a name.
 
         It stays if it stands for another service.
         """
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and (nobody.state is not FAILED or nobody.watched is watched):
-            self.drop(topic, NOBODY)
+            self.drop(nobody)
 
-    def touch(self, topic: WatchedTopic, publisher: str) -> None:
+    def touch(self, publisher: Publisher) -> None:
         """Have a row told: it has changed."""
-        self._touched[topic.name, publisher] = None
-
-    # For tests
-
-    def validate(self) -> None:
-        """Raise ShsaError if anything is as it must never be."""
-        for topic in self.topics.values():
-            self._validate_topic(topic)
-        for topic, publisher in self.all():
-            self._validate_publisher(topic, publisher)
-        for key in self.substitutes.retired:
-            _must(self.find(*key) is not None, f"{key} is retired, but not there")
-
-    def _validate_topic(self, topic: WatchedTopic) -> None:
-        _must(bool(topic.services), f"{topic.name} is watched for no service")
-        _must(bool(topic.publishers), f"{topic.name} has no row")
-        for watched in topic.services.values():
-            come = watched.published or watched.service.event_driven and watched.appeared
-            due = self.agenda.when(Grace(topic.name, watched.service.name))
-            told = come or watched.overdue or not topic.subscribed
-            _must(told or due < inf, f"nobody waits for {watched.service.name}")
-
-    def _validate_publisher(self, topic: WatchedTopic, publisher: Publisher) -> None:
-        where = f"{publisher.name or 'nobody'} on {topic.name}"
-        state, watched = publisher.state, publisher.watched
-        own = watched is None or topic.services.get(watched.service.name) is watched
-        _must(own, f"{where} provides a service of another topic")
-        _must((state is FAILED) == (publisher.kind is not None), f"{where} is {state} without why")
-        _must(publisher.connected or state is not HEALTHY, f"{where} is gone, and healthy")
-        _must(publisher.name != NOBODY or not publisher.connected, f"{where} is connected")
-        due = self.agenda.when(Silence(topic.name, publisher.name))
-        _must(due <= publisher.deadline, f"nobody looks at {where} when it is due")
+        self._touched[publisher.key] = None
 
 
 def _never_good(publisher: Publisher, kind: Kind) -> bool:
     """Tell if a publisher does what it is blamed for since it was first seen."""
     if kind in (Kind.RATE_LOW, Kind.RATE_HIGH):
-        return publisher.evidence is not None and not publisher.evidence.rate_was_good
+        return not publisher.evidence.rate_was_good
     if kind is Kind.SILENT:
         return not publisher.steady
     return kind in BY_VALUE and publisher.last_good is None
 
 
-def _must(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise ShsaError(f"the monitor's table is wrong: {otherwise}")
+def publishes(row: Optional[Substitution], topic: str) -> bool:
+    """Tell if a substitute is to publish on `topic`."""
+    return row is not None and row.publishing and topic in row.topics
+
+
+def stands_by(row: Optional[Substitution], topic: str) -> bool:
+    """Tell if a substitute for `topic` is muted."""
+    return row is not None and not row.publishing and topic in row.topics
+
+
+def topics_of(rows: Iterable[Optional[Substitution]]) -> List[str]:
+    """Return the topics of some rows, each once."""
+    return list(dict.fromkeys(topic for row in rows if row for topic in row.topics))

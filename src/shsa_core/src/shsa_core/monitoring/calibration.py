@@ -44,14 +44,9 @@ class Calibrator:
         self._noted: Optional[float] = None
         self._whole = True
 
-    def _due(self, time: float) -> bool:
-        return self._taken is None or not 0.0 <= time - self._taken < settings.SAMPLE_S
-
     def take(self, time: float, measured: float, derived: float) -> None:
         """Take what a healthy sensor measured, and what was derived at the same time."""
-        if not (
-            abs(measured) < settings.LARGEST and abs(derived) < settings.LARGEST and self._due(time)
-        ):
+        if not (abs(measured) < settings.LARGEST and abs(derived) < settings.LARGEST):
             return
         if self._taken is not None and time < self._taken:
             self.doubt()

@@ -10,20 +10,20 @@ only been whole numbers, which may be states.
 from collections import deque
 from dataclasses import dataclass
 from math import inf
-from typing import Callable, Collection, Deque, Dict, FrozenSet, Iterable, List, Optional, Tuple
+from typing import Deque, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import plan_service, plan_witness
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import Calibration
 from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Program
 from shsa_core.monitoring import settings
-from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
-from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Command, Told
+from shsa_core.monitoring.board import Board
+from shsa_core.monitoring.derivations import Derivations, FollowedPlan
+from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Told
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
@@ -45,53 +45,50 @@ class _Wanted:
 class Calibrations:
     """Follows plans for the services of a SOM, and tells how they are calibrated. Times in s."""
 
-    def __init__(self, ontology: Ontology, derivations: Derivations) -> None:
-        self._ontology, self._derivations = ontology, derivations
+    def __init__(self, ontology: Ontology, derivations: Derivations, board: Board) -> None:
+        self._ontology, self._derivations, self._board = ontology, derivations, board
         self._som = Som()
         self._predictor: Optional[Predictor] = None
-        self._plans: Dict[str, Dict[Program, FollowedPlan]] = {}  # the newest last
         self._planned: FrozenSet[str] = frozenset()
         self._table: Optional[SourceTable] = None
         self._wanted: Deque[_Wanted] = deque()
         self._replan_at = self._search_at = -inf
-        self._kept: List[Source] = []  # of these it was said
-        self._said: List[str] = []
-        self._changed: Dict[Tuple[str, Program], Optional[CalibrationRow]] = {}
+        self._kept: Set[Source] = set()  # of these it was said
 
-    def watch(self, som: Som, predictor: Optional[Predictor], changed: Iterable[str]) -> None:
-        """Follow plans for the services of `som`; those that have `changed` begin anew."""
+    def watch(self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]) -> None:
+        """Follow plans for the services of `som`; those that are `gone` are told no more."""
         self._som, self._predictor = som, predictor
-        for name in changed:
-            self._changed.update({(name, each): None for each in self._plans.pop(name, {})})
+        self._tell_gone(gone)
         self._planned, self._replan_at = frozenset(), -inf
         self._wanted.clear()
 
-    def tick(self, time: float, there: Callable[[], Collection[str]]) -> None:
-        """Look at what was learned, and search a plan; `there` returns the services that are."""
-        for followed in self._derivations.refreshed():
-            if followed.substitutes:
-                self._tell(followed)
-                self._say(followed)
+    def tick(self) -> None:
+        """Look at what was learned, and search a plan."""
+        time = self._board.now
+        told = [each for each in self._derivations.refreshed() if each.substitutes]
+        rows = {each.key: self._row(each) for each in told if self._has_moved(each)}
+        if rows:
+            self._board.say(CalibrationsChanged(time, tuple(rows.values())))
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
-            self._plan_with(frozenset(there()))
+            self._plan()
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S
             self._search(self._wanted.popleft())
 
-    def changed(self, time: float) -> List[Command]:
-        """Return the calibrations that have changed since this was called last."""
-        said: List[Command] = []
-        while self._said:
-            said.append(Told(time, f"{self._said.pop()}: its calibration stays as it was"))
-        if not self._changed:
-            return said
-        changed, self._changed = self._changed, {}
-        rows = tuple(row for row in changed.values() if row is not None)
-        removed = tuple(key for key, row in changed.items() if row is None)
-        return [*said, CalibrationsChanged(time, rows, removed)]
+    def _tell_gone(self, gone: List[FollowedPlan]) -> None:
+        if gone:
+            keys = tuple(each.key for each in gone)
+            self._board.say(CalibrationsChanged(self._board.now, (), keys))
 
-    def _plan_with(self, there: FrozenSet[str]) -> None:
+    def _is_there(self, service: Service) -> bool:
+        """Tell if the service's own node is healthy, and has told something."""
+        node = self._board.find(service.topic, service.node)
+        return node is not None and node.is_healthy and node.last_good is not None
+
+    def _plan(self) -> None:
+        """Search plans anew if other services are there now."""
+        there = frozenset(service.name for service in self._som if self._is_there(service))
         if there == self._planned:
             return
         self._planned = there
@@ -115,68 +112,73 @@ class Calibrations:
             return False
         return is_angle(source.provision.field) or known.unit.strip() not in UNITS_OF_ANGLES
 
-    def _is_told(self, output: Output) -> bool:
-        return self._calibrates(output.source) and not output.integrates
-
     def _search(self, wanted: _Wanted) -> None:
         assert self._table is not None
-        service, plans = wanted.service, self._plans.setdefault(wanted.service.name, {})
-        for followed in plans.values() if wanted.first else ():
-            if followed.substitutes:
-                self._derivations.leave(followed)
+        service = wanted.service
+        if wanted.first:
+            self._rest(service.name)
         question = self._ontology, service, self._table, wanted.excluded
         try:
             if wanted.watches:
                 plan = plan_witness(*question, self._predictor)
             else:
                 plan = plan_service(*question, predictor=self._predictor)
-            followed = plans.get(plan.program) or self._derivations.made(plan)
+            followed = self._derivations.made(plan)
         except ShsaError:
             return  # nothing would take its place
-        self._follow(plans, followed)
+        self._follow(followed)
         if wanted.first:
             nodes = dict.fromkeys(source.node for source in plan.inputs)
             without = [(*wanted.excluded, node) for node in nodes]
             more = [_Wanted(service, each, False, w) for each in without for w in (False, True)]
             self._wanted.extend(more)
 
-    def _follow(self, plans: Dict[Program, FollowedPlan], followed: FollowedPlan) -> None:
+    def _rest(self, service: str) -> None:
+        """Follow no plan for a service, and give up those that rested for long."""
+        plans = self._derivations.plans(service)
+        resting = [plan for plan in plans if not plan.is_followed]
+        gone = resting[: -2 * settings.PLANS]
+        for plan in gone:
+            self._derivations.give_up(plan)
+        self._tell_gone(gone)
+        for plan in plans:
+            if plan.substitutes:
+                plan.substitutes = False
+                plan.doubt()
+
+    def _follow(self, followed: FollowedPlan) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
-        now = [each for all_ in self._plans.values() for each in all_.values() if each.substitutes]
-        enough = sum(each.substitutes for each in plans.values()) == settings.PLANS
+        now = [each for each in self._derivations.plans() if each.substitutes]
+        enough = sum(each.plan.service == followed.plan.service for each in now) == settings.PLANS
         rate = sum(each.rate for each in now) + followed.rate
-        told = list(filter(self._is_told, followed.outputs))
+        told = [
+            each
+            for each in followed.outputs
+            if self._calibrates(each.source) and not each.integrates
+        ]
         if followed.substitutes or enough or rate > settings.EVALUATIONS_PER_S or not told:
             return
         for output in told:
             output.calibrate()
         followed.substitutes = True
-        self._derivations.follow(followed)
-        plans.pop(followed.program, None)
-        plans[followed.program] = followed
-        for program in list(plans)[: -2 * settings.PLANS]:
-            del plans[program]
-            self._changed[followed.service, program] = None
 
-    def _say(self, followed: FollowedPlan) -> None:
-        """Say once of a value that its calibrations do not follow the sensor."""
+    def _has_moved(self, followed: FollowedPlan) -> bool:
+        """Tell if calibrations are worth being told; say once which do not follow their sensor."""
         for output in followed.outputs:
             own, source = output.calibrator, output.source
             if own is not None and own.keeps and source not in self._kept:
-                self._kept.append(source)
+                self._kept.add(source)
                 what = f"{source.property} and what is derived of it part by {own.pull:.3g}"
-                self._said.append(f"{source.topic}: {what}")
+                text = f"{source.topic}: {what}: its calibration stays as it was"
+                self._board.say(Told(self._board.now, text))
+        now = [each.calibration for each in followed.outputs]
+        if not any(each.error for each in now):
+            return False
+        return not followed.told or any(map(_moved, followed.told, now))
 
-    def _tell(self, followed: FollowedPlan) -> None:
-        now = tuple(
-            each.calibration if self._is_told(each) else UNCALIBRATED for each in followed.outputs
-        )
-        if all(each.error is None for each in now):
-            return
-        if not followed.told or any(map(_moved, followed.told, now)):
-            followed.told = now
-            row = CalibrationRow(followed.service, followed.program, now)
-            self._changed[followed.service, followed.program] = row
+    def _row(self, followed: FollowedPlan) -> CalibrationRow:
+        followed.told = tuple(each.calibration for each in followed.outputs)
+        return CalibrationRow(*followed.key, followed.told)
 
 
 def _moved(before: Calibration, now: Calibration) -> bool:

@@ -4,7 +4,7 @@ That is a mistake of whoever wrote them, and no fault of the node. There is no w
 last good values, its rate and its pauses so far are judged by the new numbers.
 """
 from dataclasses import replace
-from typing import List, Optional, Tuple, Union
+from typing import Optional
 
 from shsa_core.model.kinds import Kind
 from shsa_core.model.numbers import allows_more, differences
@@ -15,13 +15,10 @@ from shsa_core.monitoring.events import ChangeRefused, Told
 from shsa_core.monitoring.evidence import Finding
 from shsa_core.monitoring.publishers import Publisher
 
-Change = Union[Told, ChangeRefused]
 
-
-def decide(board: Board, som: Som, deadlines: Deadlines, time: float) -> Tuple[Som, List[Change]]:
-    """Return `som` with the numbers that count, and what becomes of those that have changed."""
+def decide(board: Board, som: Som, deadlines: Deadlines) -> Som:
+    """Return `som` with the numbers that count; say what becomes of those that have changed."""
     services = dict(som.services)
-    changes: List[Change] = []
     for service in som:
         topic = board.topics.get(service.topic)
         watched = topic.services.get(service.name) if topic else None
@@ -31,35 +28,35 @@ def decide(board: Board, som: Som, deadlines: Deadlines, time: float) -> Tuple[S
         what = differences(service, kept, "so far")
         if not what:
             continue
-        allowed = watched.would_allow(service, deadlines)
+        changed = replace(watched)
+        changed.judge_by(service, deadlines)
+        allowed = changed.allowed
         concerned = [each for each in topic.healthy() if each.watched is watched]
-        found = [(each.name, _violation(each, service, allowed, time)) for each in concerned]
+        found = [(each.name, _violation(each, service, allowed, board.now)) for each in concerned]
         text = f"{service.where or service.name}: {what}"
         wrong = next(((name, why) for name, why in found if why), None)
         if wrong is None:
             whom = ", ".join(each.name for each in concerned) or "nobody yet"
-            more = f"; it allows more than the SOM file: {service.weakened}" * bool(
-                service.weakened
-            )
-            weaker = bool(more) or allowed > watched.allowed or allows_more(service, kept)
-            more = more or "; it allows more" * weaker
-            changes.append(Told(time, f"Changed: {text}; it concerns {whom}{more}", weaker))
+            weaker = allowed > watched.allowed or allows_more(service, kept)
+            more = "; it allows more" * weaker
+            if service.weakened:
+                more = f"; it allows more than the SOM file: {service.weakened}"
+            time, weaker = board.now, bool(more)
+            board.say(Told(time, f"Changed: {text}; it concerns {whom}{more}", weaker))
         else:
             services[service.name] = kept
             name, why = wrong
             text = f"{text}: {name} is healthy, and would fail at once: {why.kind}: {why.detail}"
-            changes.append(ChangeRefused(time, kept, text))
-    return som.with_services(services.values()), changes
+            board.say(ChangeRefused(board.now, kept, text))
+    return som.with_services(services.values())
 
 
 def _violation(
     publisher: Publisher, service: Service, allowed: float, time: float
 ) -> Optional[Finding]:
     """Return what a healthy publisher would do wrong by changed numbers, `allowed` s of silence."""
-    if publisher.evidence is None:
-        return None
     last = publisher.since if publisher.last_heard is None else publisher.last_heard
-    pause = max(publisher.evidence.pause, time - last)
+    pause = max(publisher.evidence.rate.pause, time - last)
     if pause > allowed:
         told = f"no message for {pause:.3f} s, {allowed:.3g} s would be allowed"
         return Finding(Kind.SILENT, told)

@@ -39,7 +39,7 @@ class LearnedDeadline:
         self.needed = max(
             settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
         )
-        self._every = max(1, round(settings.TAIL_LOOK_S / period))
+        self._every = max(1, round(settings.REFRESH_S / period))
         same = before is not None and before.period == period
         self._blocks: Deque[_Block] = before._blocks if before and same else deque([_Block()])
         self.allowed = fixed

@@ -44,6 +44,14 @@ class Output:
             angle = is_angle(self.source.provision.field)
             self.calibrator = Calibrator(self.stated.rms if self.stated else None, angle)
 
+    def learn(self, time: float, measured: float, other: Optional["Output"]) -> None:
+        """Learn from what was measured, while another derivation confirms it."""
+        own, its = self.calibrator, None if other is None else other.calibrator
+        if own is not None and self.derived is not None:
+            own.confirmed = its is not None and its.confirms(own.pull)
+            own.take(time, measured, self.derived)
+            self.growth = None
+
     def refresh(self, time: float) -> None:
         """Look at what was learned, and at how old it is."""
         if self.calibrator is None:
@@ -78,24 +86,43 @@ class Output:
 
 @dataclass(eq=False)
 class FollowedPlan:
-    """The program of a plan for a service, evaluated while it `substitutes` or is a `witness`.
+    """A plan for a service, evaluated while it `substitutes` or is a `witness`.
 
-    `remembers`: it has to see every message. `rate`: evaluations a second. `doubtful`: an input is
-    missing, or its newest value in doubt. `told`: calibrations of the outputs as told last.
+    `remembers`: it has to see every message. `doubtful`: an input is missing, or its newest value
+    in doubt. `told`: calibrations of the outputs as told last.
     """
 
-    service: str
-    program: Program
-    inputs: Tuple[Source, ...]
+    plan: Plan
     outputs: Tuple[Output, ...]
     step: Step
     remembers: bool
-    rate: float
     substitutes: bool = False
     witness: bool = False
     doubtful: bool = True
-    looked: float = -inf
+    refreshed: float = -inf
     told: Tuple[Calibration, ...] = ()
+
+    @property
+    def key(self) -> Tuple[str, Program]:
+        """Its service and program."""
+        return self.plan.service, self.plan.program
+
+    @property
+    def reads(self) -> Set[str]:
+        """The services that it reads."""
+        return {source.service.name for source in self.plan.inputs}
+
+    @property
+    def is_followed(self) -> bool:
+        """True while it is evaluated."""
+        return self.substitutes or self.witness
+
+    @property
+    def rate(self) -> float:
+        """Evaluations a second."""
+        period = self.plan.outputs[0].service.period or 0.0
+        pause = period if self.remembers else max(period, settings.SAMPLE_S)
+        return 1.0 / pause if pause else inf
 
     def doubt(self) -> None:
         """Learn nothing from what was heard last."""
@@ -103,50 +130,39 @@ class FollowedPlan:
             if output.calibrator is not None:
                 output.calibrator.doubt()
 
-    def learn(
-        self, all_: Iterable["FollowedPlan"], measured: Mapping[str, float], time: float
-    ) -> None:
-        """Learn from what the service's own node measured."""
-        for output in self.outputs:
-            value, own = measured.get(output.source.property), output.calibrator
-            if own is not None and output.derived is not None and value is not None:
-                other = self.opinion(output, all_)
-                its = None if other is None else other.calibrator
-                own.confirmed = its is not None and its.confirms(own.pull)
-                own.take(time, value, output.derived)
-                output.growth = None
-
-    def refresh(self, time: float) -> None:
-        """Look at what was learned."""
-        self.looked = time
-        for output in self.outputs:
-            output.refresh(time)
-
     def opinion(self, output: Output, all_: Iterable["FollowedPlan"]) -> Optional[Output]:
         """Return the same value by that calibrated plan which shares the fewest inputs."""
-        own, found = set(self.inputs), []
-        for number, plan in enumerate(all_):
-            for each in () if plan is self or plan.doubtful else plan.outputs:
-                error = each.calibration.error
-                if each.source.property == output.source.property and error is not None:
-                    found.append((len(own.intersection(plan.inputs)), error.rms, number, each))
+        own, found = set(self.plan.inputs), []
+        for number, each in enumerate(all_):
+            for other in () if each is self or each.doubtful else each.outputs:
+                error = other.calibration.error
+                if other.source.property == output.source.property and error is not None:
+                    shared = len(own.intersection(each.plan.inputs))
+                    found.append((shared, error.rms, number, other))
         return min(found)[-1] if found else None
 
 
 @dataclass
 class _Heard:
-    """The values that a service's own node told while healthy, by property, with their times.
+    """One service as it is heard, and the `plans` for it, which are kept while they rest.
 
-    `sound`: nothing is held against its newest message. `read`: the properties that some program
-    reads; `readers`: these programs.
+    `values`: what its own node told while healthy, by property, with their times. `measured`: all
+    of its newest message, with which the plans were evaluated; None: they were not. `sound`:
+    nothing is held against that message. `readers`: the plans that read it.
     """
 
+    service: Service
     values: Dict[str, Tuple[float, float]] = field(default_factory=dict)
+    measured: Optional[Mapping[str, float]] = None
     sound: bool = False
-    read: Set[str] = field(default_factory=set)
+    evaluated: float = -inf
     readers: Set[FollowedPlan] = field(default_factory=set)
-    looked: float = -inf
-    followed: List[FollowedPlan] = field(default_factory=list)
+    plans: List[FollowedPlan] = field(default_factory=list)
+
+    @property
+    def followed(self) -> List[FollowedPlan]:
+        """The plans that are evaluated."""
+        return [plan for plan in self.plans if plan.is_followed]
 
 
 class Derivations:
@@ -157,139 +173,135 @@ class Derivations:
         self._services: Dict[str, _Heard] = {}
         self._refreshed: List[FollowedPlan] = []
 
-    def watch(self, som: Som, changed: Iterable[str]) -> None:
-        """Evaluate what is followed on, but for services that have `changed`, and for witnesses."""
-        for name in changed:
-            self._services.pop(name, None)
-        self._services = {s.name: self._services.get(s.name) or _Heard() for s in som}
-        for heard in self._services.values():
-            heard.read.clear()
-            heard.readers.clear()
-            for followed in heard.followed:
-                followed.witness = False
-            heard.followed = [each for each in heard.followed if self._goes_on(each)]
-        for heard in self._services.values():
-            for followed in heard.followed:
-                self._read(followed)
+    def watch(self, som: Som) -> List[FollowedPlan]:
+        """Go on with the services of `som`, but for those that have changed.
+
+        Nobody is a witness any more. Returns the plans that are given up.
+        """
+        known, gone = self._services, []
+        plans = [plan for heard in known.values() for plan in heard.plans]
+        goes_on = {s.name for s in som if s.name in known and known[s.name].service == s}
+        self._services = {
+            service.name: replace(known[service.name], readers=set(), plans=[])
+            if service.name in goes_on
+            else _Heard(service)
+            for service in som
+        }
+        for followed in plans:
+            followed.witness = False
+            if followed.plan.service in goes_on and followed.reads <= self._services.keys():
+                self._keep(followed)
+            else:
+                gone.append(followed)
+        return gone
+
+    def _keep(self, followed: FollowedPlan) -> None:
+        self._services[followed.plan.service].plans.append(followed)
+        for name in followed.reads:
+            self._services[name].readers.add(followed)
+
+    def give_up(self, followed: FollowedPlan) -> None:
+        """Forget a plan, and what it has learned."""
+        self._services[followed.plan.service].plans.remove(followed)
+        for name in followed.reads:
+            self._services[name].readers.discard(followed)
 
     def concerns(self, service: Service) -> bool:
         """Tell if values of a service are read, or compared."""
-        heard = self._services[service.name]
-        return bool(heard.read or heard.followed)
+        heard = self._services.get(service.name)
+        return heard is not None and bool(heard.readers or heard.plans)
+
+    def plans(self, service: Optional[str] = None) -> List[FollowedPlan]:
+        """Return the plans for a service, the newest last; None: those for all."""
+        names = self._services if service is None else (service,)
+        return [plan for name in names for plan in self._services[name].plans]
 
     def made(self, plan: Plan) -> FollowedPlan:
         """Return what evaluates a plan: what is there already, or new. Raises ShsaError."""
-        for each in self._services[plan.service].followed:
-            if each.program == plan.program:
+        for each in self._services[plan.service].plans:
+            if each.plan.program == plan.program:
                 return each
         period = plan.outputs[0].service.period or 0.0
         gap = max(MAX_GAP_S, settings.GAP_PERIODS * period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
-        pause = period if program.remembers else max(period, settings.SAMPLE_S)
-        return FollowedPlan(
-            plan.service,
-            plan.program,
-            plan.inputs,
-            tuple(map(Output, plan.outputs, plan.errors, integrates)),
-            program.step,
-            program.remembers,
-            1.0 / pause if pause else inf,
-        )
-
-    def follow(self, followed: FollowedPlan) -> None:
-        """Evaluate a program from now on."""
-        all_ = self._services[followed.service].followed
-        if followed not in all_:
-            all_.append(followed)
-            self._read(followed)
-
-    def leave(self, followed: FollowedPlan) -> None:
-        """Evaluate a program no more, unless it is a witness: it substitutes nothing now."""
-        followed.substitutes = False
-        followed.doubt()
-        all_ = self._services[followed.service].followed
-        if followed in all_ and not followed.witness:
-            all_.remove(followed)
-            for source in followed.inputs:
-                self._services[source.service.name].readers.discard(followed)
+        outputs = tuple(map(Output, plan.outputs, plan.errors, integrates))
+        made = FollowedPlan(plan, outputs, program.step, program.remembers)
+        self._keep(made)
+        return made
 
     def heard(self, service: Service, values: Mapping[str, float], time: float, good: bool) -> bool:
-        """Take what the node of a service says; tell if all its programs were evaluated.
+        """Take what the node of a service says; tell if all its plans were evaluated.
 
         `good`: the message is, and its node is healthy.
         """
         heard = self._services[service.name]
         if good:
-            heard.values.update((name, (time, values[name])) for name in heard.read & values.keys())
-        looks = not 0.0 <= time - heard.looked < settings.SAMPLE_S
-        if looks:
-            heard.looked = time
-        for each in heard.followed:
-            if looks or each.remembers:
+            heard.values.update((name, (time, value)) for name, value in values.items())
+        due = not 0.0 <= time - heard.evaluated < settings.SAMPLE_S
+        heard.measured = values if due else None
+        if due:
+            heard.evaluated = time
+        for each in heard.plans:
+            if each.is_followed and (due or each.remembers):
                 self._evaluate(each, time)
-        return looks
+        return due
 
     def unmeasured(self, service: Service, time: float) -> None:
         """A substitute speaks for a service: see how far its derivations can be believed."""
-        all_ = self._services[service.name].followed
         if self.heard(service, {}, time, False):
-            for each in all_:
+            followed = self._services[service.name].followed
+            for each in followed:
                 for output in () if each.doubtful else each.outputs:
-                    output.compare(time, each.opinion(output, all_))
+                    output.compare(time, each.opinion(output, followed))
                 self._refresh(each, time)
 
-    def judged(
-        self, service: Service, values: Mapping[str, float], time: float, sound: bool, looked: bool
-    ) -> None:
-        """Learn from a message; `sound`: nothing is held against it or against its node."""
+    def judged(self, service: Service, time: float, sound: bool) -> None:
+        """Learn from what was heard last; `sound`: nothing is held against it or its node."""
         heard = self._services[service.name]
         heard.sound = sound
         if not sound:
-            for each in (*heard.followed, *heard.readers):
+            for each in (*heard.plans, *heard.readers):
                 each.doubt()
-        elif looked:
-            for each in heard.followed:
+        elif heard.measured is not None:
+            followed = heard.followed
+            for each in followed:
                 if each.doubtful:
                     each.doubt()
                     continue
-                each.learn(heard.followed, values, time)
+                for output in each.outputs:
+                    measured = heard.measured.get(output.source.property)
+                    if measured is not None:
+                        output.learn(time, measured, each.opinion(output, followed))
                 self._refresh(each, time)
 
-    def _refresh(self, followed: FollowedPlan, time: float) -> None:
-        if time - followed.looked >= settings.REFRESH_S:
-            followed.refresh(time)
-            self._refreshed.append(followed)
+    def _refresh(self, plan: FollowedPlan, time: float) -> None:
+        """Look at what was learned."""
+        if time - plan.refreshed >= settings.REFRESH_S:
+            plan.refreshed = time
+            for output in plan.outputs:
+                output.refresh(time)
+            self._refreshed.append(plan)
 
     def derived(self, service: Service, property: str, time: float) -> Iterator[float]:
         """Yield what sound inputs tell now of a value of a service."""
-        for followed in self._services[service.name].followed:
-            for output in followed.outputs:
-                if output.source.property == property and not followed.remembers:
-                    self._evaluate(followed, time)
-                    if output.derived is not None and not followed.doubtful:
+        for plan in self._services[service.name].followed:
+            for output in plan.outputs:
+                if output.source.property == property and not plan.remembers:
+                    self._evaluate(plan, time)
+                    if output.derived is not None and not plan.doubtful:
                         yield output.derived
 
     def refreshed(self) -> List[FollowedPlan]:
-        """Return the programs of which new calibrations are known since the last call."""
+        """Return the plans of which new calibrations are known since the last call."""
         refreshed, self._refreshed = self._refreshed, []
         return refreshed
 
-    def _goes_on(self, followed: FollowedPlan) -> bool:
-        there = all(source.service.name in self._services for source in followed.inputs)
-        return followed.substitutes and there
-
-    def _read(self, followed: FollowedPlan) -> None:
-        for source in followed.inputs:
-            heard = self._services[source.service.name]
-            heard.read.add(source.property)
-            heard.readers.add(followed)
-
     def _evaluate(self, followed: FollowedPlan, time: float) -> None:
-        known = [self._value(source, time) for source in followed.inputs]
+        known = [self._value(source, time) for source in followed.plan.inputs]
         inputs = [value for value in known if value is not None]
         derived = followed.step(inputs, time) if len(inputs) == len(known) else None
-        sound = all(self._services[source.service.name].sound for source in followed.inputs)
+        sound = all(self._services[name].sound for name in followed.reads)
         followed.doubtful = derived is None or not sound
         for number, output in enumerate(followed.outputs):
             value = None if derived is None else derived[number]

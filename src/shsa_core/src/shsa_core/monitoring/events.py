@@ -164,18 +164,11 @@ class Message(PublisherEvent):
 class Tick(Event):
     """Time passes; every message that came before `time` is handled.
 
-    The monitor wanted to wake at `wanted` at the latest, and did at `woke`; None: it was awake.
+    `late`: the time in s that the monitor itself was not scheduled: it woke so much after it
+    wanted to.
     """
 
-    wanted: Optional[float] = None
-    woke: Optional[float] = None
-
-    @property
-    def late(self) -> float:
-        """The time in s that the monitor itself was not scheduled."""
-        if self.wanted is None or self.woke is None:
-            return 0.0
-        return max(0.0, self.woke - self.wanted)
+    late: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -192,15 +185,13 @@ class ClockTicked(Event):
 
 
 @dataclass(frozen=True)
-class NodesEnding(Event):
-    """The launch of these nodes is ending: they stop on purpose, and are not missed."""
-
-    nodes: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Ending(Event):
-    """The launch of the monitor is ending: what stops from now on stops on purpose."""
+    """The launch of these nodes is ending: they stop on purpose, and are not missed.
+
+    No nodes: that of the monitor itself is, and with it all others.
+    """
+
+    nodes: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

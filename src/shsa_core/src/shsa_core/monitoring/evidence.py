@@ -2,18 +2,19 @@
 from collections import deque
 from dataclasses import dataclass, replace
 from math import ceil, isfinite
-from typing import Any, Deque, Dict, Iterable, Iterator, List, Optional, Set, Tuple, Type
+from typing import Any, Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
-from shsa_core.model.checks import LONG_WINDOW, Check, Checks, OutOfRange
-from shsa_core.model.samples import FormSample, RateSample, StampSample, Usual, ValueSample
+from shsa_core.codegen.program import Step, compile_program
+from shsa_core.language.expression import Expression
+from shsa_core.language.temporal import Truth
+from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Formula, OutOfRange
 from shsa_core.model.kinds import Kind
+from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample
+from shsa_core.model.samples import Usual, ValueSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.form import Form
-from shsa_core.monitoring.formulas import FormulaRun
+from shsa_core.monitoring.habits import Form, StampAges, Stillness
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
-from shsa_core.monitoring.stamps import StampAges
-from shsa_core.monitoring.stillness import Run, Stillness
 
 
 @dataclass(frozen=True)
@@ -44,37 +45,35 @@ def checks_header(service: Service) -> bool:
 
 
 def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
-    """Return what the first of the checks finds wrong with a sample."""
+    """Return what the first of the checks that judge such a sample finds wrong with it."""
     for check in checks:
-        detail = check.judge(sample)
+        detail = check.judge(sample) if check.sample is type(sample) else None
         if detail is not None:
             return Finding(check.kind, detail)
     return None
 
 
-def _of(checks: Iterable[Check], sample: Type[Any]) -> Tuple[Check, ...]:
-    return tuple(check for check in checks if check.sample is sample)
-
-
 def _checks_of(provision: Provision) -> Tuple[Check, ...]:
     unlimited = provision.range is None
-    return tuple(c for c in provision.checks if not (unlimited and isinstance(c, OutOfRange)))
+    checks = (check for check in provision.checks if check.sample is ValueSample)
+    return tuple(check for check in checks if not (unlimited and isinstance(check, OutOfRange)))
 
 
 class _Value:
-    """One value of one publisher, and the checks of it."""
+    """One value of one publisher, how often the newest one came in a row, and the checks of it."""
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self.name, self.field, self._range = provision.property, provision.field, provision.range
         self._usual, self._back = provision.usual, 0
         self.unusual = ""
-        self._checks = _of(_checks_of(provision), ValueSample)
+        self._checks = _checks_of(provision)
         key = provision.property, provision.field
-        self._learns = learned is not None
-        self._run = Run(Stillness() if learned is None else learned.setdefault(key, Stillness()))
+        self._stillness = None if learned is None else learned.setdefault(key, Stillness())
         self.good: Optional[float] = None
-        self._newest: Optional[float] = None
         self.outside: Optional[ValueSample] = None
+        self._newest: Optional[float] = None
+        self._run, self._began, self._step = 0, 0.0, 0.0
+        self._teaches = False
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
         """Return what is wrong with a new value.
@@ -84,20 +83,32 @@ class _Value:
         if self._usual is not None:
             self._compare_with(self._usual, value)
         before = self._newest if failed else self.good
-        self._newest = value
-        run = self._run
-        run.add(value, time, self._learns and not failed)
-        still = time - run.began
-        hold = run.allowed
-        sample = ValueSample(self.name, value, self._range, still, before, run.length, hold)
+        self._count(value, time, not failed)
+        hold = None if self._stillness is None else self._stillness.allowed(value)
+        still = time - self._began
+        sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
         finding = judge(self._checks, sample)
         self.outside = None
         if finding is not None:
-            run.spoil()
+            self._teaches = False
             self.outside = sample if finding.kind is Kind.OUT_OF_RANGE else None
         else:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
+
+    def _count(self, value: float, time: float, healthy: bool) -> None:
+        """Count how often it came in a row; a run that ends teaches, if all of it was good."""
+        before, self._newest = self._newest, value
+        self._teaches = self._teaches and healthy
+        if value == before:
+            self._run += 1
+            return
+        step = 0.0
+        if before is not None and isfinite(value - before):
+            step = value - before
+            if self._teaches and self._stillness is not None:
+                self._stillness.learn(before, self._run, step, self._step)
+        self._run, self._began, self._step, self._teaches = 1, time, step, healthy
 
     def _compare_with(self, usual: Tuple[float, float], value: float) -> None:
         """Note a value that leaves what is usual, until as many as are judged together are back."""
@@ -110,6 +121,90 @@ class _Value:
             self._back = 0
             if not self.unusual:
                 self.unusual = f"{self.name} is {value:g}, {low:g} to {high:g} are usual"
+
+
+class _Rate:
+    """The times in s at which the last messages came, where the rate of a service is judged."""
+
+    def __init__(self, service: Service) -> None:
+        self._period, self._fastest = service.period or 0.0, service.fastest
+        judged = any(check.sample is RateSample for check in service.checks.each)
+        self._judged = judged and service.period is not None
+        count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._judged else 0
+        self.times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
+
+    @property
+    def is_known(self) -> bool:
+        """True once enough have come."""
+        return self._judged and len(self.times) == self.times.maxlen
+
+    @property
+    def span(self) -> float:
+        """The time in which those messages came."""
+        return self.times[-1][1] - self.times[0][1] if self.times else 0.0
+
+    @property
+    def pause(self) -> float:
+        """The longest pause between those messages."""
+        times = [each[1] for each in self.times]
+        return max((b - a for a, b in zip(times, times[1:])), default=0.0)
+
+    @property
+    def pace(self) -> Optional[float]:
+        """The rate as a share of the service's; None: not known yet."""
+        if not self.is_known or self.span <= 0.0:
+            return None
+        return (len(self.times) - 1) * self._period / self.span
+
+    def samples(self, message: Message) -> Iterator[RateSample]:
+        """Yield the mean rate, in doubt for the publisher: it came in the last `waited` s."""
+        self.times.append((message.time - message.waited, message.time, message.apart or 0.0))
+        if self.is_known:
+            yield replace(self.sample(self._period), fastest=self._fastest)
+
+    def beyond_doubt(self, rate: RateSample) -> RateSample:
+        """Return a rate in doubt against the publisher: what waited for us came at no rate."""
+        apart = self.times[-1][2] - self.times[0][2]
+        return replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
+
+    def sample(self, period: float) -> RateSample:
+        """Return the rate, to be judged by a period."""
+        first, last = self.times[0], self.times[-1]
+        longest = last[1] - first[0] + last[2] - first[2]
+        return RateSample(len(self.times) - 1, period, longest, last[0] - first[1])
+
+
+class _FormulaRun:
+    """A formula and what it remembers of the messages so far."""
+
+    def __init__(self, check: Formula) -> None:
+        self._check, self._decide = check, check.parsed.root.judge()
+        self._steps = [(each.names, _step(each)) for each in check.parsed.conditions]
+
+    def look(self, message: Message, values: Mapping[str, float]) -> Optional[Finding]:
+        """Return what is wrong; a condition whose values are not there is unknown."""
+        now = message.time
+        truths: List[Truth] = []
+        for names, step in self._steps:
+            there = all(name in values for name in names)
+            result = step([values[name] for name in names], now) if there else None
+            truths.append(None if result is None else result[0] == 1.0)
+        seen = tuple((n, values[n]) for n in self._check.parsed.names if n in values)
+        holds = self._decide((now, now - message.waited), truths)
+        return judge([self._check], FormulaSample(holds, seen))
+
+
+def _step(condition: Expression) -> Step:
+    count = len(condition.names)
+    inputs, given = [f"t{n}" for n in range(count)], [f"i{n + 1}" for n in range(count)]
+    lines = [
+        *(f"t{n}=x[{n}]" for n in range(count)),
+        f"def _tf1({','.join(given)}):",
+        f"  return {condition.code(dict(zip(condition.names, given)))}",
+        f"t{count}=_tf1({','.join(inputs)})",
+        f"y=t{count}",
+    ]
+    return compile_program("\n".join(lines), count, 1).step
 
 
 class Verdict:
@@ -157,31 +252,18 @@ class Evidence:
     def __init__(
         self, service: Service, learned: Optional[Learned] = None, form: Optional[Usual] = None
     ) -> None:
-        checks = service.checks
-        self.verdict = Verdict(checks)
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
-        self._values = [_Value(provision, learned) for provision in checked]
-        judged = () if learned is None or service.period is None else checks.each
-        self._form, self._form_checks = Form({} if form is None else form), _of(judged, FormSample)
-        self._formulas = [(each, FormulaRun(each.parsed)) for each in checks.formulas]
-        self._stamp_checks = _of(checks.each, StampSample)
-        self._stamps = StampAges(None if learned is None else service.period)
-        self._rate_checks = () if service.period is None else _of(checks.each, RateSample)
-        self._period, self._fastest = service.period or 0.0, service.fastest
-        count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._rate_checks else 0
-        self._times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
-        self._enough = count + 1
-        self.rate_was_good = False
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
-
-    @property
-    def pace(self) -> Optional[float]:
-        """The rate of the last messages as a share of the service's; None: not known yet."""
-        if not self._rate_checks or len(self._times) < self._enough:
-            return None
-        passed = self.span
-        return (len(self._times) - 1) * self._period / passed if passed > 0.0 else None
+        self.verdict, self._good_in_a_row = Verdict(service.checks), 0
+        self.rate, self.rate_was_good = _Rate(service), False
+        self._checks = service.checks.each
+        self._values = [_Value(provision, learned) for provision in checked]
+        self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
+        learns = learned is not None and service.period is not None
+        self._stamps = StampAges(service.period if learns else None)
+        has_form = learns and any(check.sample is FormSample for check in self._checks)
+        self._form = Form(({} if form is None else form) if has_form else None)
 
     @property
     def outside(self) -> Optional[ValueSample]:
@@ -193,17 +275,6 @@ class Evidence:
         """The first of what is not as usual, in words; empty: all is."""
         return next((each.unusual for each in self._values if each.unusual), self._form.unusual)
 
-    @property
-    def span(self) -> float:
-        """The time in s in which those messages came."""
-        return self._times[-1][1] - self._times[0][1] if self._times else 0.0
-
-    @property
-    def pause(self) -> float:
-        """The longest pause in s between those messages."""
-        times = [each[1] for each in self._times]
-        return max((b - a for a, b in zip(times, times[1:])), default=0.0)
-
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps and forms on the same connection."""
         self._form = other._form
@@ -212,7 +283,7 @@ class Evidence:
 
     def take_messages(self, other: "Evidence") -> None:
         """Go on with the messages of the same publisher, judged by other numbers so far."""
-        self._times.extend(other._times)
+        self.rate.times.extend(other.rate.times)
         good = {each.name: each.good for each in other._values}
         for value in self._values:
             value.good = good.get(value.name)
@@ -223,12 +294,12 @@ class Evidence:
         for new in checked_provisions(service):
             if new.property in good:
                 sample = ValueSample(new.property, good[new.property], new.range)
-                finding = judge(_of(_checks_of(new), ValueSample), sample)
+                finding = judge(_checks_of(new), sample)
                 if finding is not None:
                     return finding
-        if service.period is None or len(self._times) < 2:
+        if service.period is None or len(self.rate.times) < 2:
             return None
-        return judge(_of(service.checks.each, RateSample), self._rate(service.period))
+        return judge(service.checks.each, self.rate.sample(service.period))
 
     def clock_jumped(self) -> None:
         """Forget what was learned of stamps."""
@@ -243,11 +314,23 @@ class Evidence:
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
         good = finding is None and not failed
-        self._heard_stamp(message, good)
-        if self._form_checks and good:
-            self._form.heard(message.form)
+        self._stamps.heard(message, good)
+        self._form.heard(message, good)
         guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
+
+    def recovers(self, good: bool, steady: bool = True) -> bool:
+        """Count the good messages in a row after a failure, `steady` ones; tell if it is over.
+
+        What was bad is forgotten then.
+        """
+        before = self._good_in_a_row if steady else 0
+        self._good_in_a_row = before + 1 if good else 0
+        if self._good_in_a_row < self.verdict.recovery:
+            return False
+        self._good_in_a_row = 0
+        self.verdict.clear()
+        return True
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
         """Yield what each check that is due finds wrong with a message."""
@@ -256,47 +339,17 @@ class Evidence:
             if seen is not None and (self.written is None or value.field in self.written):
                 values[value.name] = seen
                 yield value.look(seen, message.time, failed)
-        for check, run in () if message.values is None else self._formulas:
-            yield judge([check], run.sample(message.time, message.waited, values))
+        for formula in () if message.values is None else self._formulas:
+            yield formula.look(message, values)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
-        if self._stamp_checks and message.age is not None:
-            sample = StampSample(message.age, message.waited)
-            if message.apart is None:
-                sample = self._stamps.sample(
-                    message.time, message.stamp, message.age, message.waited
-                )
-            yield judge(self._stamp_checks, sample)
-        for form in self._form.samples(message.form):
-            yield judge(self._form_checks, form)
-        if self._rate_checks:
-            yield self._look_at_rate(message)
-
-    def _heard_stamp(self, message: Message, good: bool) -> None:
-        """Learn from a stamp.
-
-        Under simulated time some nodes stamp what /clock says, and some what theirs does.
-        """
-        if message.age is not None and message.apart is None:
-            self._stamps.heard(message.time, message.stamp, message.age, good)
-
-    def _look_at_rate(self, message: Message) -> Optional[Finding]:
-        """Judge the mean rate, in doubt for the publisher: it came within the last `waited` s."""
-        earliest = message.time - message.waited
-        self._times.append((earliest, message.time, message.apart or 0.0))
-        if len(self._times) < self._enough:
-            return None
-        rate = replace(self._rate(self._period), fastest=self._fastest)
-        apart = self._times[-1][2] - self._times[0][2]
-        if not self.rate_was_good:  # beyond doubt: what waited for us came at no rate
-            sure = replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
-            self.rate_was_good = judge(self._rate_checks, sure) is None
-        return judge(self._rate_checks, rate)
-
-    def _rate(self, period: float) -> RateSample:
-        first, last = self._times[0], self._times[-1]
-        longest = last[1] - first[0] + last[2] - first[2]
-        return RateSample(len(self._times) - 1, period, longest, last[0] - first[1])
+        for sample in (*self._stamps.samples(message), *self._form.samples(message)):
+            yield judge(self._checks, sample)
+        for rate in self.rate.samples(message):
+            if not self.rate_was_good:
+                sure = self.rate.beyond_doubt(rate)
+                self.rate_was_good = judge(self._checks, sure) is None
+            yield judge(self._checks, rate)
 
 
 def _gaps(history: int) -> List[int]:

@@ -1,17 +1,23 @@
 """Judges a publisher by its messages, and by its silence."""
 from dataclasses import replace
+from math import isfinite
 from typing import Optional
 
-from shsa_core.model.checks import Checks
-from shsa_core.model.samples import IntruderSample
+from shsa_core.codegen.prediction import predictor
 from shsa_core.model.kinds import Kind
+from shsa_core.model.ontology import Ontology
+from shsa_core.model.samples import IntruderSample, ValueSample
+from shsa_core.model.service import Deadlines
+from shsa_core.model.som import Som
 from shsa_core.monitoring.alibis import Alibi, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
-from shsa_core.monitoring.comparisons import Comparisons
+from shsa_core.monitoring.calibrations import Calibrations
+from shsa_core.monitoring.derivations import Derivations
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Finding, judge
-from shsa_core.monitoring.publishers import Publisher, WatchedTopic
+from shsa_core.monitoring.publishers import Publisher
 from shsa_core.monitoring.surroundings import Surroundings
+from shsa_core.monitoring.witness import Witnesses
 
 LATE = {Kind.RATE_LOW: Blame.RATE, Kind.RATE_HIGH: Blame.HASTE, Kind.STALE_STAMP: Blame.STAMP}
 NOT_BLAMED = "not blamed: "
@@ -20,134 +26,160 @@ NOT_BLAMED = "not blamed: "
 class Judgement:
     """Asks all who know something of a publisher, and tells the board. Times in s."""
 
-    def __init__(self, board: Board, around: Surroundings, comparisons: Comparisons) -> None:
-        self._board, self._around = board, around
-        self._comparisons = comparisons
+    def __init__(
+        self, board: Board, around: Surroundings, ontology: Ontology, deadlines: Deadlines
+    ) -> None:
+        self._board, self._around, self._ontology = board, around, ontology
+        self._derivations = Derivations(deadlines)
+        self.calibrations = Calibrations(ontology, self._derivations, board)
+        self._witnesses = Witnesses(ontology, self._derivations)
 
-    def message(
-        self, topic: WatchedTopic, publisher: Publisher, event: Message, previous: Optional[float]
-    ) -> bool:
+    def watch(self, som: Som) -> None:
+        """Judge the services of `som` from now on; what is derived of a changed one begins anew."""
+        knows = predictor(self._ontology, som.sources)
+        self.calibrations.watch(som, knows, self._derivations.watch(som))
+        self._witnesses.watch(som, knows)
+        for publisher in self._board.all():
+            publisher.suspicions.clear()
+
+    def message(self, publisher: Publisher, event: Message, previous: Optional[float]) -> bool:
         """Judge a message, the one before came at `previous`; tell if it is good."""
-        good = self._is_good(topic, publisher, event)
+        good = self._is_good(publisher, event)
         if good:
-            self._heard_good(topic, publisher, event.time, previous)
-        else:
-            publisher.good_in_a_row = 0
+            publisher.last_good = self._board.now
+        healthy = good and publisher.state is UNKNOWN
+        if publisher.state is FAILED:
+            steady = previous is not None and event.time - previous <= publisher.allowed
+            healthy = publisher.evidence.recovers(good, steady)
+        if healthy:
+            self._board.become_healthy(publisher)
         return good
 
-    def silence(self, topic: WatchedTopic, publisher: Publisher, time: float) -> None:
+    def silence(self, publisher: Publisher) -> None:
         """Excuse or blame who is silent for longer than it is allowed."""
         alibi = decide(self._around.silence(publisher))
         if alibi is not None:
             publisher.excused_until = alibi.until
-            self._board.note(topic, publisher, NOT_BLAMED + alibi.why, time)
+            self._board.note(publisher, NOT_BLAMED + alibi.why)
             return
-        silence = time - (publisher.last_heard or 0.0)
+        silence = self._board.now - (publisher.last_heard or 0.0)
         detail = f"no message for {silence:.3f} s, {publisher.allowed:.3f} s are allowed"
         if publisher.learned is not None:
             detail = f"{detail}, {publisher.learned.told()}"
-        self._board.fail(topic, publisher, time, Kind.SILENT, detail)
+        self._board.fail(publisher, Kind.SILENT, detail)
         publisher.begin_anew()
 
-    def _is_good(self, topic: WatchedTopic, publisher: Publisher, event: Message) -> bool:
+    def _is_good(self, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
-        good, failure, alibi = True, None, None
-        if publisher.evidence is not None:
-            publisher.evidence.written = self._board.substitutes.written(topic.name, publisher.name)
-            good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
-            if failure is not None:
-                alibi = self._alibi(topic, publisher, failure, event.time)
-                if alibi is not None:
-                    good, failure = True, None
-        comparisons, time = self._comparisons, event.time
-        compared = comparisons.compare(publisher, event, good)
-        if compared is not None and compared.finding is not None and good:
-            good, failure = False, compared.finding
-        intrusion = self._intrusion(topic, publisher, time)
+        row, alibi = self._board.substitution(publisher), None
+        here = row is not None and event.topic in row.topics
+        written = {each.field for each in row.outputs} if row is not None and here else None
+        publisher.evidence.written = written
+        good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
+        if failure is not None:
+            alibi = self._alibi(publisher, failure)
+            if alibi is not None:
+                good, failure = True, None
+        contradicted = self._compare(publisher, event, good)
+        if contradicted is not None and good:
+            good, failure = False, contradicted
+        intrusion = self._intrusion(publisher)
         if intrusion is not None:
             good, failure = False, intrusion
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
-            self._board.fail(topic, publisher, time, failure.kind, failure.detail)
-        if compared is not None:
-            comparisons.learn(publisher, compared, time, good)
+            self._board.fail(publisher, failure.kind, failure.detail)
+        self._learn(publisher, event, good)
         if publisher.kind is None and (alibi or good and publisher.is_notable):
-            self._note(topic, publisher, alibi, time)
+            self._note(publisher, alibi)
         return good
 
-    def _note(
-        self, topic: WatchedTopic, publisher: Publisher, alibi: Optional[Alibi], time: float
-    ) -> None:
+    def _compare(self, publisher: Publisher, message: Message, good: bool) -> Optional[Finding]:
+        """Return what others hold against a message that is `good` by itself."""
+        service, evidence = publisher.service, publisher.evidence
+        if message.values is None or not self._derivations.concerns(service):
+            return None
+        if service.node != publisher.name:
+            self._derivations.unmeasured(service, message.time)
+            return None
+        named, time = zip(evidence.properties, message.values), message.time
+        values = {name: v for name, v in named if v is not None and isfinite(v)}
+        if self._derivations.heard(service, values, time, good and publisher.is_healthy):
+            self._witnesses.look(service, publisher.suspicions, values, time)
+        findings = (each.finding for each in publisher.suspicions.values())
+        return next(filter(None, findings), None)
+
+    def _learn(self, publisher: Publisher, message: Message, good: bool) -> None:
+        """Learn from a message that was compared; who fails, or is in doubt, teaches nothing."""
+        service = publisher.service
+        own = service.node == publisher.name and message.values is not None
+        if own and self._derivations.concerns(service):
+            doubtful = any(each.doubtful for each in publisher.suspicions.values())
+            sound = good and publisher.is_healthy and not doubtful
+            self._derivations.judged(service, message.time, sound)
+
+    def _confirms(self, publisher: Publisher, outside: ValueSample) -> bool:
+        """Tell if a derived value is about as far out of a range, on the same side."""
+        service = publisher.service
+        if outside.range is None or service.node != publisher.name:
+            return False
+        low, high = outside.range
+        beyond = max(low - outside.value, outside.value - high)
+        for derived in self._derivations.derived(service, outside.name, self._board.now):
+            same_side = derived < low if outside.value < low else derived > high
+            if same_side and 0.5 * beyond <= max(low - derived, derived - high) <= 2.0 * beyond:
+                return True
+        return False
+
+    def _note(self, publisher: Publisher, alibi: Optional[Alibi]) -> None:
         """Tell why a publisher is not blamed, or what is doubtful or unusual of its values."""
         if alibi is not None:
-            self._board.note(topic, publisher, NOT_BLAMED + alibi.why, time, alibi.accuses_som)
+            self._board.note(publisher, NOT_BLAMED + alibi.why, alibi.accuses_som)
             return
-        detail = publisher.evidence.unusual if publisher.evidence else ""
+        detail = publisher.evidence.unusual
         for suspicion in publisher.suspicions.values():
-            detail = suspicion.doubts.get(publisher.service_name) or detail
-        self._board.note(topic, publisher, detail, time, log=bool(detail))
+            detail = suspicion.doubts.get(publisher.service.name) or detail
+        self._board.note(publisher, detail, log=bool(detail))
 
-    def _alibi(
-        self, topic: WatchedTopic, publisher: Publisher, failure: Finding, time: float
-    ) -> Optional[Alibi]:
+    def _alibi(self, publisher: Publisher, failure: Finding) -> Optional[Alibi]:
         """Return why a publisher is not blamed for its rate, or its values; None: it is."""
-        evidence = publisher.evidence
+        evidence, time = publisher.evidence, self._board.now
         case = Case(Blame.VALUE, time, time)
         if failure.kind in LATE:
             if not publisher.is_healthy:
                 return None
-            case = self._around.slow(LATE[failure.kind], publisher, time)
-            named = self._board.is_named(topic, publisher)
-            case = replace(case, paced=named or evidence is None or evidence.rate_was_good)
-        elif failure.kind is Kind.OUT_OF_RANGE and evidence is not None and evidence.outside:
-            confirmed = self._comparisons.confirms(publisher, evidence.outside, time)
-            case = self._around.range(publisher, time, confirmed)
-        return decide(self._fed(topic, publisher, case))
+            case = self._around.slow(LATE[failure.kind], publisher)
+            named = self._board.is_named(publisher)
+            case = replace(case, paced=named or evidence.rate_was_good)
+        elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
+            confirmed = self._confirms(publisher, evidence.outside)
+            case = self._around.range(publisher, confirmed)
+        return decide(self._fed(publisher, case))
 
-    def _fed(self, topic: WatchedTopic, publisher: Publisher, case: Case) -> Case:
+    def _fed(self, publisher: Publisher, case: Case) -> Case:
         """Return a case with what the publisher, unless it is a substitute, computes from."""
-        if publisher.service is None or publisher.name not in topic.nodes:
+        if publisher.name not in publisher.topic.nodes:
             return case
-        board = self._board
-        upstream = [*board.upstream(publisher.service)]
-        well = ((name, each.name) for name, each in upstream if each.is_healthy)
+        upstream = [*self._board.upstream(publisher.service)]
         return replace(
             case,
-            fed_wrong=any(each.tells_wrong for _, each in upstream),
-            fed_slowly=any(each.is_slow for _, each in upstream),
-            fed_anew=any(board.substitutes.is_known(*key) for key in well),
+            fed_wrong=any(each.tells_wrong for each in upstream),
+            fed_slowly=any(each.is_slow for each in upstream),
+            fed_anew=any(each.is_healthy and self._board.is_substitute(each) for each in upstream),
         )
 
-    def _heard_good(
-        self, topic: WatchedTopic, publisher: Publisher, time: float, previous: Optional[float]
-    ) -> None:
-        publisher.last_good = time
-        if publisher.state is UNKNOWN:
-            self._board.become_healthy(topic, publisher, time)
-        elif publisher.state is FAILED:
-            steady = previous is not None and time - previous <= publisher.allowed
-            publisher.good_in_a_row = publisher.good_in_a_row + 1 if steady else 1
-            evidence = publisher.evidence
-            needed = Checks.recovery if evidence is None else evidence.verdict.recovery
-            if publisher.good_in_a_row >= needed:
-                if evidence is not None:
-                    evidence.verdict.clear()
-                self._board.become_healthy(topic, publisher, time)
-
-    def _intrusion(
-        self, topic: WatchedTopic, publisher: Publisher, time: float
-    ) -> Optional[Finding]:
+    def _intrusion(self, publisher: Publisher) -> Optional[Finding]:
         """Return what is held against a publisher that nobody names beside a healthy one."""
-        board = self._board
-        if not topic.intruder_checks or board.is_named(topic, publisher):
+        board, topic = self._board, publisher.topic
+        if not topic.intruder_checks or board.is_named(publisher):
             return None
         if publisher.kind is Kind.UNKNOWN_PUBLISHER:
             return Finding(publisher.kind, publisher.detail)
-        rightful = tuple(p.name for p in topic.healthy() if board.is_named(topic, p))
+        rightful = tuple(p.name for p in topic.healthy() if board.is_named(p))
         if not rightful:
             publisher.intruding_since = None
             return None
         if publisher.intruding_since is None:
-            publisher.intruding_since = time
-        sample = IntruderSample(time - publisher.intruding_since, rightful)
+            publisher.intruding_since = board.now
+        sample = IntruderSample(board.now - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)

@@ -1,6 +1,6 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.kinds import Kind
@@ -8,16 +8,15 @@ from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring import changes, events
-from shsa_core.monitoring.comparisons import Comparisons
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board, Grace, Silence
+from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
+from shsa_core.monitoring.board import publishes, topics_of
 from shsa_core.monitoring.events import Command, Event, Key, PublisherHealth
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
-from shsa_core.monitoring.settings import RECONNECT_S, Settings
+from shsa_core.monitoring.settings import CHANGEOVER_S, RECONNECT_S, Settings
 from shsa_core.monitoring.start_up import StartUp
-from shsa_core.monitoring.substitutes import publishes, topics_of
 from shsa_core.monitoring.surroundings import Surroundings
 
 
@@ -26,13 +25,11 @@ class Monitor:
 
     def __init__(self, settings: Settings = Settings(), ontology: Ontology = EMPTY) -> None:
         self._settings = settings
-        self._comparisons = Comparisons(ontology, settings.deadlines)
         self._som = Som()
         self._board = Board()
-        self._around = Surroundings(lambda: (each for _, each in self._board.all()))
+        self._around = Surroundings(self._board)
         self._start_up = StartUp(self._board, settings.startup_grace, self._around)
-        self._judgement = Judgement(self._board, self._around, self._comparisons)
-        self._changes: List[changes.Change] = []
+        self._judgement = Judgement(self._board, self._around, ontology, settings.deadlines)
         self._pace = Pace()
         self._ending_nodes: Set[str] = set()
         self._ends = False
@@ -49,7 +46,6 @@ class Monitor:
                 events.Message: self._message,
                 events.Tick: self._tick,
                 events.ClockTicked: self._clock_ticked,
-                events.NodesEnding: self._nodes_ending,
                 events.Ending: self._ending,
             },
         )
@@ -63,22 +59,14 @@ class Monitor:
         due = None if self._ends else self._board.agenda.next()
         return inf if due is None else self._pace.due(due)
 
-    @property
-    def simulated(self) -> bool:
-        """True if publishers are judged by /clock as well."""
-        return self._pace.simulated
-
     def handle(self, event: Event) -> List[Command]:
         """Return what `event` brings to light: the rows that changed first."""
         if self._ends:
             return []
         seen = self._pace.judged(event)
+        self._board.now = seen.time
         self._handlers[type(event)](seen)
-        commands = [*self._board.commands(seen.time), *self._start_up.awaited(seen.time)]
-        commands += self._changes
-        self._changes = []
-        commands += self._comparisons.calibrations.changed(seen.time)
-        return self._pace.ours(commands)
+        return self._pace.ours(self._board.commands())
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the health of every publisher, as of the last event."""
@@ -90,16 +78,12 @@ class Monitor:
 
     def messages(self) -> Dict[Key, int]:
         """Return the number of messages of each publisher so far."""
-        return {(topic.name, p.name): p.messages for topic, p in self._board.all()}
+        return {publisher.key: publisher.messages for publisher in self._board.all()}
 
     def muted(self) -> Set[Key]:
         """Return the substitutes that stand by: they publish nothing and need not."""
         board = self._board
-        return {
-            (topic.name, publisher.name)
-            for topic, publisher in board.all()
-            if publisher.state is UNKNOWN and board.may_be_silent(topic, publisher)
-        }
+        return {p.key for p in board.all() if p.state is UNKNOWN and board.may_be_silent(p)}
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service that a publisher of `topic` provides, for whose checks it is read.
@@ -111,28 +95,20 @@ class Monitor:
             return None
         known = found.publishers.get(publisher)
         watched = known.watched if known else self._board.watched_of(found, publisher)
-        return watched.service if watched else None
-
-    def validate(self) -> None:
-        """Raise ShsaError if anything is as it must never be."""
-        self._board.validate()
+        return watched.service if watched.service.name else None
 
     # The tables of others
 
     def _som_changed(self, event: events.SomChanged) -> None:
         before = self._som
-        decided = changes.decide(self._board, event.som, self._settings.deadlines, event.time)
-        self._som, self._changes = decided
-        self._comparisons.watch(self._som)
-        for _, publisher in self._board.all():
-            publisher.suspicions.clear()
+        self._som = changes.decide(self._board, event.som, self._settings.deadlines)
+        self._judgement.watch(self._som)
         for name in before.topics():
             if not self._som.of_topic(name):
                 self._board.drop_topic(name)
         for name in self._som.topics():
             if self._som.of_topic(name) != before.of_topic(name):
-                topic = self._board.topics.setdefault(name, WatchedTopic(name))
-                self._watch(topic, event.time)
+                self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
         for name in event.unheard:
             if name in self._board.topics:
                 self._board.topics[name].subscribed = False
@@ -140,102 +116,97 @@ class Monitor:
     def _subscribed(self, event: events.Subscribed) -> None:
         topic = self._board.topics.get(event.topic)
         if topic is not None and not topic.subscribed:
-            self._start_up.subscribed(topic, event.time)
+            self._start_up.subscribed(topic)
 
-    def _watch(self, topic: WatchedTopic, time: float) -> None:
+    def _watch(self, topic: WatchedTopic) -> None:
         """Watch a topic for the services that it has now."""
-        board, grace = self._board, self._settings.startup_grace
+        board, due = self._board, self._board.now + self._settings.startup_grace
         services = {name: publisher.service for name, publisher in topic.publishers.items()}
-        for new in topic.serve(
-            self._som.of_topic(topic.name), self._settings.deadlines, time + grace
-        ):
-            board.agenda.bring_forward(Grace(topic.name, new), time + grace)
+        for new in topic.serve(self._som.of_topic(topic.name), self._settings.deadlines, due):
+            board.agenda.bring_forward(new, due)
         nobody = topic.publishers.get(NOBODY)
-        if nobody is not None and nobody.watched not in (None, *topic.services.values()):
-            board.drop(topic, NOBODY)
+        if nobody is not None and nobody.watched not in (topic.unknown, *topic.services.values()):
+            board.drop(nobody)
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
                 watched = board.watched_of(topic, publisher.name)
                 publisher.provide(watched, publisher.service != services[publisher.name])
-                board.touch(topic, publisher.name)
-                board.notice(topic, publisher, time)
-                board.look_when_due(topic, publisher)
+                board.touch(publisher)
+                board.notice(publisher)
+                board.look_when_due(publisher)
         if not topic.publishers:
-            board.expect(topic, time)
+            board.expect(topic)
 
     def _substitutions_changed(self, event: events.SubstitutionsChanged) -> None:
         board = self._board
         for node, before, now in board.substitutes.change(event):
             for name in topics_of((before, now)):
-                found = board.find(name, node)
-                if found is None:
+                publisher = board.find(name, node)
+                if publisher is None:
                     continue
-                topic, publisher = found
+                publisher.retired = now is None
                 if now is None:
-                    board.substitutes.retired.add((name, node))
                     continue
-                board.substitutes.retired.discard((name, node))
-                watched = board.watched_of(topic, node)
+                watched = board.watched_of(publisher.topic, node)
                 publisher.provide(watched, watched is not publisher.watched)
-                board.touch(topic, publisher.name)
-                board.look_when_due(topic, publisher)
+                board.touch(publisher)
+                board.look_when_due(publisher)
                 if publishes(before, name) and not publishes(now, name):
-                    board.bridges.muted((name, node), event.time)
+                    # What comes soon is for those whom it still serves.
+                    publisher.filled_in = event.time + CHANGEOVER_S
                     if publisher.state is HEALTHY:
-                        board.mute(topic, publisher, event.time)
+                        board.mute(publisher)
 
     # What publishers do
 
     def _connected(self, event: events.Connected) -> None:
-        if not self._board.substitutes.may_be_silent(event.topic, event.publisher):
-            self._start_up.came(event.time)
-        topic = self._board.topics.get(event.topic)
+        board, name = self._board, event.publisher
+        known, row = board.find(event.topic, name), board.substitutes.row(event.topic, name)
+        retired = known is not None and known.retired
+        if not retired and (row is None or publishes(row, event.topic)):
+            self._start_up.came()
+        topic = board.topics.get(event.topic)
         if topic is None:
             return
-        self._ending_nodes.discard(event.publisher)
-        ours = self._board.substitutes.is_known(event.topic, event.publisher)
-        self._around.connected(event.publisher, event.time, ours)
-        known = topic.publishers.get(event.publisher)
+        self._ending_nodes.discard(name)
+        self._around.connected(name, retired or row is not None)
         if known is None or not known.connected or known.uri != event.uri:
-            self._board.meet(topic, event.publisher, event.time, event.uri)
+            board.meet(topic, name, event.uri)
         else:
             known.resume(event.time)
-            self._board.look_when_due(topic, known)
+            board.look_when_due(known)
 
     def _interrupted(self, event: events.Interrupted) -> None:
         """Nobody is heard who is not connected."""
-        found = self._board.find(event.topic, event.publisher)
-        if found is not None:
-            found[1].interrupt(event.time + RECONNECT_S)
+        publisher = self._board.find(event.topic, event.publisher)
+        if publisher is not None:
+            publisher.interrupt(event.time + RECONNECT_S)
 
     def _disconnected(self, event: events.Disconnected) -> None:
-        board, found = self._board, self._board.find(event.topic, event.publisher)
-        if found is None:
+        board, publisher = self._board, self._board.find(event.topic, event.publisher)
+        if publisher is None:
             return
-        topic, publisher = found
-        publisher.connected = False
+        topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
+        publisher.connected = publisher.retired = False
         detail = "its connection was lost: the node died or left"
-        watched = publisher.watched
-        missed = watched and (publisher.state is HEALTHY or watched.knew(publisher.name))
+        was_well = publisher.state is HEALTHY or watched.knew(publisher.name)
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
-            board.touch(topic, publisher.name)
-        elif missed and not self._may_stop(topic, publisher):
-            board.fail(topic, publisher, event.time, Kind.NODE_GONE, detail)
+            board.touch(publisher)
+        elif was_well and watched.service.name and not may_stop:
+            board.fail(publisher, Kind.NODE_GONE, detail)
         else:
-            board.drop(topic, publisher.name)
-        board.substitutes.retired.discard((event.topic, event.publisher))
+            board.drop(publisher)
         board.forget_gone(topic)
         if not topic.publishers:
-            board.expect(topic, event.time)
-            self._start_up.left(topic, event.time)
-        if publisher.name in self._ending_nodes and publisher.watched is not None:
-            publisher.watched.overdue = True  # nobody is awaited: who comes is welcome
+            board.expect(topic)
+            self._start_up.left(topic)
+        if publisher.name in self._ending_nodes:
+            watched.overdue = True  # nobody is awaited: who comes is welcome
 
-    def _may_stop(self, topic: WatchedTopic, publisher: Publisher) -> bool:
+    def _may_stop(self, publisher: Publisher) -> bool:
         """Tell if nobody is to blame for it that a publisher stops."""
-        on_purpose = publisher.name in self._ending_nodes
-        return on_purpose or self._board.may_be_silent(topic, publisher)
+        return publisher.name in self._ending_nodes or self._board.may_be_silent(publisher)
 
     def _message(self, event: events.Message) -> None:
         topic = self._board.topics.get(event.topic)
@@ -243,78 +214,51 @@ class Monitor:
             return
         publisher = topic.publishers.get(event.publisher)
         if publisher is None:
-            publisher = self._board.meet(topic, event.publisher, event.time)
-        elif not publisher.connected:
+            publisher = self._board.meet(topic, event.publisher)
+        if not publisher.connected or not self._board.is_heard(publisher):
             return
-        if self._board.bridge(topic, publisher.name, event.time):
-            return
-        if self._board.substitutes.is_kept_back(topic.name, publisher.name):
-            return  # no consumer hears it
         previous = publisher.last_heard
         excused = publisher.excused_until > -inf
         teaches = publisher.is_healthy and not (excused or publisher.interrupted)
         publisher.note_message(event.time)
         if previous is None or excused:
-            self._board.look_when_due(topic, publisher)
-        if publisher.watched is not None:
-            publisher.watched.published = True
-            period = publisher.watched.service.period
-            if publisher.backlog.holds(event, previous, publisher.allowed, period):
-                return
-        good = self._judgement.message(topic, publisher, event, previous)
+            self._board.look_when_due(publisher)
+        publisher.watched.published = True
+        period = publisher.service.period
+        if publisher.backlog.holds(event, previous, publisher.allowed, period):
+            return
+        good = self._judgement.message(publisher, event, previous)
         if good and teaches and previous is not None:
-            self._look_anew(self._around.heard(topic.name, publisher, previous, event.time))
-
-    def _healthy_services(self) -> List[str]:
-        """Return the services whose own nodes are healthy, and have told something."""
-        found = []
-        for service in self._som:
-            node = self._board.topics[service.topic].publishers.get(service.node)
-            if node is not None and node.is_healthy and node.last_good is not None:
-                found.append(service.name)
-        return found
+            self._around.heard(publisher, previous)
 
     def _clock_ticked(self, event: events.ClockTicked) -> None:
         """Learn stamps anew if our own clock was set."""
-        self._around.clock(event.time, event.waited)
-        if self._pace.jumped:
-            for _topic, publisher in self._board.all():
-                if publisher.evidence is not None:
-                    publisher.evidence.clock_jumped()
-
-    def _nodes_ending(self, event: events.NodesEnding) -> None:
-        self._ending_nodes.update(event.nodes)
+        self._around.clock(event.waited)
+        for publisher in self._board.all() if self._pace.jumped else ():
+            publisher.evidence.clock_jumped()
 
     def _ending(self, event: events.Ending) -> None:
-        self._ends = True
+        self._ending_nodes.update(event.nodes)
+        self._ends = not event.nodes
 
     # Judgement
 
     def _tick(self, event: events.Tick) -> None:
-        self._around.look(event.time, event.late)
-        self._look_anew(self._around.learn())
+        self._around.look(event.late)
+        self._around.learn()
         for due in self._board.agenda.pop_due(event.time):
-            if isinstance(due, Grace):
-                self._start_up.judge(due, event.time)
+            if isinstance(due, Publisher):
+                self._judge_silence(due)
             else:
-                self._judge_silence(due, event.time)
-        self._comparisons.calibrations.tick(event.time, self._healthy_services)
+                self._start_up.judge(due)
+        self._judgement.calibrations.tick()
 
-    def _judge_silence(self, due: Silence, time: float) -> None:
-        found = self._board.find(due.topic, due.publisher)
-        if found is None:
+    def _judge_silence(self, publisher: Publisher) -> None:
+        if self._board.find(*publisher.key) is not publisher:
             return
-        topic, publisher = found
-        if publisher.deadline <= time:
-            if self._may_stop(topic, publisher):
-                self._board.mute(topic, publisher, time)
+        if publisher.deadline <= self._board.now:
+            if self._may_stop(publisher):
+                self._board.mute(publisher)
             else:
-                self._judgement.silence(topic, publisher, time)
-        self._board.look_when_due(topic, publisher)
-
-    def _look_anew(self, keys: Iterable[Key]) -> None:
-        """Look at publishers that are allowed another silence."""
-        for key in keys:
-            found = self._board.find(*key)
-            if found is not None:
-                self._board.look_when_due(*found)
+                self._judgement.silence(publisher)
+        self._board.look_when_due(publisher)

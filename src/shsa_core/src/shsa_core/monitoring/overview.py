@@ -5,7 +5,7 @@ from typing import Collection, List, Tuple
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.board import FAILED, HEALTHY, Board
+from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.events import Key, PublisherHealth
 from shsa_core.monitoring.publishers import NOBODY, Publisher
 
@@ -43,7 +43,7 @@ class ServiceHealth:
 
 def overview(som: Som, board: Board, muted: Collection[Key]) -> Tuple[ServiceHealth, ...]:
     """Return every service of a SOM; the publishers that stand by, `muted`, are left out."""
-    suspicions = (s for _, p in board.all() if p.is_healthy for s in p.suspicions.values())
+    suspicions = (s for p in board.all() if p.is_healthy for s in p.suspicions.values())
     doubts = {name: text for each in suspicions for name, text in each.doubts.items()}
     return tuple(_health(service, board, muted, doubts.get(service.name, "")) for service in som)
 
@@ -53,32 +53,30 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
     concerned = [
         publisher
         for publisher in topic.publishers.values()
-        if (topic.name, publisher.name) not in muted and _concerns(publisher, service)
+        if publisher.key not in muted and _concerns(publisher, service)
     ]
-    substitutes = [each for each in concerned if board.substitutes.service(topic.name, each.name)]
-    condition, detail = _condition(concerned, substitutes)
     own = (p.detail for p in concerned if p.name == service.node and p.was_logged)
+    condition, detail = _condition(board, concerned)
     doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
-    rows = tuple(each.row(topic.name) for each in concerned if each.name != NOBODY)
-    deadline = topic.services[service.name].told
-    bridged = board.bridges.times(service.name)
-    return ServiceHealth(service, condition, detail, rows, deadline, bridged)
+    rows = tuple(each.row() for each in concerned if each.name != NOBODY)
+    watched = topic.services[service.name]
+    return ServiceHealth(service, condition, detail, rows, watched.told, watched.bridged)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:
     """Tell if it publishes for a service, or on its topic without anybody knowing what for."""
-    if publisher.service is None:
-        return publisher.name != NOBODY
-    return publisher.service.name == service.name
+    name = publisher.service.name
+    return name == service.name or (not name and publisher.name != NOBODY)
 
 
-def _condition(publishers: List[Publisher], substitutes: List[Publisher]) -> Tuple[Condition, str]:
+def _condition(board: Board, publishers: List[Publisher]) -> Tuple[Condition, str]:
     failed = [each for each in publishers if each.state is FAILED]
     told = "; ".join(f"{each.name or 'nobody publishes'}: {each.detail}" for each in failed)
-    healthy = [each for each in publishers if each.state is HEALTHY and each.service]
-    own = [each for each in healthy if each not in substitutes]
+    healthy = [each for each in publishers if each.is_healthy and each.service.name]
+    rows = {each.name: board.substitution(each) for each in healthy}
+    own = [name for name, row in rows.items() if row is None or not row.service]
     if own and any(each.connected for each in failed):
         return Condition.DISTURBED, told
     if own:

@@ -70,28 +70,19 @@ class Pace:
 
         What lies back lies as far back as the publisher's clock says.
         """
-        if not self.simulated:
-            return commands
-        return [self._ours(each) for each in commands]
+        return [self._ours(each) for each in commands] if self.simulated else commands
 
     def _ours(self, command: Command) -> Command:
-        if isinstance(command, HealthChanged):
-            return replace(
-                command,
-                time=self._now,
-                rows=self.rows(command.rows),
-                failed=self.rows(command.failed),
-            )
-        return replace(command, time=self._now)
+        command = replace(command, time=self._now)
+        if not isinstance(command, HealthChanged):
+            return command
+        return replace(command, rows=self.rows(command.rows), failed=self.rows(command.failed))
 
     def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
         """Return rows of the table at our time again."""
         return tuple(self._row(row) for row in rows) if self.simulated else rows
 
     def _row(self, row: PublisherHealth) -> PublisherHealth:
-        since = self._now + (row.since - self._slow)
-        first, good = self._moment(row.first_message), self._moment(row.last_good)
-        return replace(row, since=since, first_message=first, last_good=good)
-
-    def _moment(self, moment: Optional[float]) -> Optional[float]:
-        return None if moment is None else self._now + (moment - self._slow)
+        times = {"since": row.since, "first_message": row.first_message, "last_good": row.last_good}
+        ours = {n: self._now + (t - self._slow) for n, t in times.items() if t is not None}
+        return replace(row, **ours)  # type: ignore[arg-type]

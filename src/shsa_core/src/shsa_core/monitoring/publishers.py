@@ -4,23 +4,24 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.checks import BY_VALUE, Check
+from shsa_core.model.checks import BY_VALUE, Check, Checks
 from shsa_core.model.samples import IntruderSample, Usual
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
 from shsa_core.monitoring.settings import SLOW_PACE
-from shsa_core.monitoring.stamps import Backlog
+from shsa_core.monitoring.habits import Backlog
 from shsa_core.monitoring.witness import Suspicion
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
+_ANY = Service("", "", "", "", None, (), checks=Checks(each=()))
 NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 
 
-@dataclass
+@dataclass(eq=False)
 class WatchedService:
     """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
 
@@ -29,7 +30,8 @@ class WatchedService:
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
     none did. `learned`: what is known of its node's values; `form`: of that of its
-    messages; `gaps`: of the gaps between them, None: its deadline is a fixed one.
+    messages; `gaps`: of the gaps between them, None: its deadline is a fixed one. `bridged`: how
+    often a muted substitute filled in for it so far.
     """
 
     service: Service
@@ -42,6 +44,13 @@ class WatchedService:
     learned: Learned = field(default_factory=dict)
     form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
+    bridged: int = 0
+
+    @property
+    def is_awaited(self) -> bool:
+        """True while nobody has come for it, and that was not told."""
+        service = self.service
+        return not (self.published or self.overdue or (service.event_driven and self.appeared))
 
     def knew(self, node: str) -> bool:
         """Return if a node did well under a former monitor, and was not heard by this one."""
@@ -49,20 +58,12 @@ class WatchedService:
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
-        self.gaps = self._learned(service, deadlines)
         self.service, self.deadline = service, _seconds(deadlines.of(service))
-
-    def would_allow(self, service: Service, deadlines: Deadlines) -> float:
-        """Return the silence in s that its node would be allowed by these numbers."""
-        learned = self._learned(service, deadlines)
-        return _seconds(deadlines.of(service)) if learned is None else learned.allowed
-
-    def _learned(self, service: Service, deadlines: Deadlines) -> Optional[LearnedDeadline]:
-        if service.period is None or not isinstance(service.deadline, AdaptiveDeadline):
-            return None
-        fixed, most = (_seconds(each(service)) for each in (deadlines.of, deadlines.longest))
-        rate = service.deadline.false_alarms
-        return LearnedDeadline(service.period, rate, fixed, most, self.gaps)
+        adaptive, before = service.deadline, self.gaps
+        self.gaps = None
+        if service.period is not None and isinstance(adaptive, AdaptiveDeadline):
+            limits = self.deadline, _seconds(deadlines.longest(service))
+            self.gaps = LearnedDeadline(service.period, adaptive.false_alarms, *limits, before)
 
     @property
     def allowed(self) -> float:
@@ -75,7 +76,7 @@ class WatchedService:
         return "" if self.gaps is None else f"{self.gaps.allowed:.3f} s, {self.gaps.told()}"
 
 
-@dataclass
+@dataclass(eq=False)
 class Publisher:
     """One life of one publisher of one topic, and all that is held against it. Times in s.
 
@@ -85,16 +86,18 @@ class Publisher:
     a message came within its deadline once.
 
     `suspicions`: what others hold against its values, by property. `logged`: what people were told
-    of it. `uri`: where its process is.
+    of it. `uri`: where its process is. `retired`: it is a substitute that the table names no more.
+    `filled_in`: when it bridged last, as a muted substitute.
 
-    `watched` is the service that it provides, None: nobody can tell, so that only its connection is
-    watched.
+    `watched` is the service that it provides; if nobody can tell, `topic.unknown`, so that only its
+    connection is watched.
     """
 
+    topic: "WatchedTopic" = field(repr=False)
     name: str
     since: float
-    watched: Optional[WatchedService]
-    evidence: Optional[Evidence] = None
+    watched: WatchedService
+    evidence: Evidence = field(init=False)
     connected: bool = True
     state: PublisherState = PublisherState.UNKNOWN
     kind: Optional[Kind] = None
@@ -103,7 +106,6 @@ class Publisher:
     last_heard: Optional[float] = None
     last_good: Optional[float] = None
     messages: int = 0
-    good_in_a_row: int = 0
     silent_since: Optional[float] = None
     excused_until: float = -inf
     interrupted: bool = False
@@ -114,31 +116,31 @@ class Publisher:
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
     logged: Set[str] = field(default_factory=set)
     uri: str = ""
+    retired: bool = False
+    filled_in: float = -inf
 
     def __post_init__(self) -> None:
-        self.begin_anew()
+        self.evidence = self._new_evidence()
 
     @property
-    def service(self) -> Optional[Service]:
-        """The service that it provides."""
-        return self.watched.service if self.watched else None
+    def key(self) -> Key:
+        """Its topic and its name."""
+        return self.topic.name, self.name
 
     @property
-    def service_name(self) -> str:
-        """The name of that service; empty: nobody can tell."""
-        return self.watched.service.name if self.watched else ""
+    def service(self) -> Service:
+        """The service that it provides; one without a name: nobody can tell."""
+        return self.watched.service
 
     @property
     def allowed(self) -> float:
         """The silence in s that is allowed; inf: any."""
-        learned, watched = self.learned, self.watched
-        return learned.allowed if learned else watched.deadline if watched else inf
+        return self.learned.allowed if self.learned else self.watched.deadline
 
     @property
     def learned(self) -> Optional[LearnedDeadline]:
         """The knowledge of its gaps, if it is the node of a service whose deadline is learned."""
-        watched = self.watched
-        return watched.gaps if watched and watched.service.node == self.name else None
+        return self.watched.gaps if self.service.node == self.name else None
 
     @property
     def deadline(self) -> float:
@@ -154,7 +156,7 @@ class Publisher:
     @property
     def is_notable(self) -> bool:
         """True if something is told of it, or may be: a doubt, or what is unusual."""
-        return bool(self.detail or self.suspicions or self.evidence and self.evidence.unusual)
+        return bool(self.detail or self.suspicions or self.evidence.unusual)
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
@@ -167,25 +169,24 @@ class Publisher:
             self.silent_since, self.reconnects_until = time, -inf
             self.excused_until = -inf
 
-    def provide(self, watched: Optional[WatchedService], anew: bool = True) -> None:
+    def provide(self, watched: WatchedService, anew: bool = True) -> None:
         """Provide a service from now on; `anew`: what was seen before does not count for it."""
-        name, before = self.service_name, self.evidence
+        name, before = self.service.name, self.evidence
         self.watched = watched
         if anew:
             self.begin_anew()
-            if before and self.evidence and self.service_name == name:
+            if self.service.name == name:
                 self.evidence.take_messages(before)
 
     @property
     def tells_wrong(self) -> bool:
         """True if it failed by what it says, or its newest message is bad."""
-        bad = self.evidence is not None and self.evidence.verdict.newest_is_bad
-        return bad or self.kind in BY_VALUE
+        return self.evidence.verdict.newest_is_bad or self.kind in BY_VALUE
 
     @property
     def is_slow(self) -> bool:
         """True if its messages come too seldom, or nearly so."""
-        pace = self.evidence.pace if self.evidence is not None else None
+        pace = self.evidence.rate.pace
         return self.kind is Kind.RATE_LOW or (pace is not None and pace < SLOW_PACE)
 
     @property
@@ -195,23 +196,22 @@ class Publisher:
 
     def begin_anew(self) -> None:
         """Forget the evidence; but what was held up during a silence is as old as it is."""
-        watched, before = self.watched, self.evidence
+        before = self.evidence
+        self.evidence = self._new_evidence()
+        self.evidence.take_habits(before)
         self.suspicions.clear()
-        if watched is None:
-            self.evidence = None
-            return
-        own = self.name == watched.service.node
+
+    def _new_evidence(self) -> Evidence:
+        watched, own = self.watched, self.name == self.service.node
         learned, form = (watched.learned, watched.form) if own else (None, None)
-        self.evidence = Evidence(watched.service, learned, form)
-        if before is not None:
-            self.evidence.take_habits(before)
+        return Evidence(watched.service, learned, form)
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
     ) -> None:
         """Enter a state."""
         self.state, self.since, self.kind, self.detail = state, time, kind, detail
-        self.good_in_a_row, self.excused_until = 0, -inf
+        self.excused_until = -inf
 
     def mute(self, time: float) -> None:
         """Begin anew once it publishes again."""
@@ -229,18 +229,27 @@ class Publisher:
         if self.first_message is None:
             self.first_message = time
 
-    def row(self, topic: str) -> PublisherHealth:
+    def row(self) -> PublisherHealth:
         """Return its row in the table."""
-        moments = (self.since, self.first_message, self.last_good)
-        told = (self.kind, self.detail, self.service_name)
-        return PublisherHealth(topic, self.name, self.state, *moments, *told, uri=self.uri)
+        return PublisherHealth(
+            self.topic.name,
+            self.name,
+            self.state,
+            self.since,
+            self.first_message,
+            self.last_good,
+            self.kind,
+            self.detail,
+            self.service.name,
+            uri=self.uri,
+        )
 
 
-@dataclass
+@dataclass(eq=False)
 class WatchedTopic:
     """One watched topic: its services by name, and its publishers; while there are none, NOBODY.
 
-    `subscribed`: who publishes it can be heard.
+    `subscribed`: who publishes it can be heard. `unknown`: the service of whom nobody knows.
     """
 
     name: str
@@ -248,10 +257,13 @@ class WatchedTopic:
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)
+    unknown: WatchedService = field(default_factory=lambda: WatchedService(_ANY, inf, inf))
     intruder_checks: Tuple[Check, ...] = ()
 
-    def serve(self, services: Sequence[Service], deadlines: Deadlines, due: float) -> List[str]:
-        """Carry these services from now on; return the names of those that are new."""
+    def serve(
+        self, services: Sequence[Service], deadlines: Deadlines, due: float
+    ) -> List[WatchedService]:
+        """Carry these services from now on; return those that are new."""
         old, self.services = self.services, {}
         for service in services:
             watched = old.get(service.name)
@@ -263,19 +275,17 @@ class WatchedTopic:
         self.intruder_checks = tuple(
             check for s in services for check in s.checks.each if check.sample is IntruderSample
         )
-        return [name for name, watched in self.services.items() if watched is not old.get(name)]
+        return [each for name, each in self.services.items() if each is not old.get(name)]
 
-    def service_of(self, publisher: str, substituted: str) -> Optional[WatchedService]:
+    def service_of(self, publisher: str, substituted: str) -> WatchedService:
         """Return the service that a publisher provides.
 
         `substituted`: the one whose place it takes, if it is a substitute.
 
         Whoever is not known stands for the topic's service if there is only one.
         """
-        found = self.nodes.get(publisher) or self.services.get(substituted)
-        if found is None and len(self.services) == 1:
-            found = next(iter(self.services.values()))
-        return found
+        alone = next(iter(self.services.values())) if len(self.services) == 1 else self.unknown
+        return self.nodes.get(publisher) or self.services.get(substituted) or alone
 
     def healthy(self) -> List[Publisher]:
         """Return the healthy publishers."""

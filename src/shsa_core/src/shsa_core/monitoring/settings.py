@@ -93,8 +93,6 @@ LEARN_GAPS, LEARN_SHARE = 1000, 1e-3
 """So many gaps, and so much of the mean time between false alarms, must have been seen."""
 SPARE = 1.5
 """The longest healthy gap of the blocks is always allowed, so many times over."""
-TAIL_LOOK_S = 10.0
-"""The tail is looked at so often, and at once at a gap that comes near to what is allowed."""
 
 # What is kept and told.
 MESSAGES_KEPT = 20
@@ -105,8 +103,6 @@ OLDEST_MESSAGE_S = 60.0
 """An older message is not handed out."""
 BRIDGES_APART = 2.0
 """After so many of a substitute's bridges without a message of its it is another time."""
-TELL_S = 60.0
-"""People are told that a substitute filled in at the first time, and then so often at most."""
 
 # Calibration: what a value is compared with. Times in s.
 SAMPLE_S = 0.2
@@ -121,8 +117,9 @@ GUARD_S = 5.0
 """A sample is learned once it is so old, as long as nothing was doubted since; and no error is
 noted before something was learned for as long."""
 SETTLING_S = 60.0
-"""Of data, before which gain and offset are free; the gain needs as much that tells of it. By
-witnesses errors count as they were twice as long ago: a sensor that drifts widens them."""
+"""Of data, before which gain and offset are free; the gain needs as much that tells of it. For
+witnesses errors are known then, and count as they were twice as long ago: a sensor that drifts
+widens them."""
 EXCITED = 2.0
 """A gain is believed once the variance of what is derived is so many times the residual's."""
 GAINS = 0.5, 2.0
@@ -145,8 +142,8 @@ SEARCH_S = 0.5
 EVALUATIONS_PER_S = 2000.0
 """Of all programs together: what is beyond that is not followed."""
 REFRESH_S = 2.0
-"""Between two looks at what a program has learned, one takes 60 us, and at which services are
-there."""
+"""Between two looks at what a program has learned, one takes 60 us, at the gaps of a stream, and at
+which services are there."""
 GAP_PERIODS = 5.0
 """A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1
@@ -155,5 +152,3 @@ TOLD_SHARE = 0.1
 # Witnesses.
 WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
-WITNESS_SAMPLES = 60
-"""So many samples, one a second, make an error known that nobody has stated."""

@@ -2,11 +2,11 @@
 from collections import deque
 from dataclasses import replace
 from math import inf
-from typing import Callable, Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
+from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
-from shsa_core.monitoring.events import Key
+from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.publishers import Publisher
 from shsa_core.watch import Watch
 
@@ -22,32 +22,33 @@ class _Gap(NamedTuple):
 class Surroundings:
     """Remembers connections and gaps, and makes the case of who is late. Times in s."""
 
-    def __init__(self, everybody: Callable[[], Iterable[Publisher]]) -> None:
-        self._everybody = everybody
-        self.watch = Watch()
-        self._connected: Deque[Tuple[str, float]] = deque(maxlen=settings.REMEMBERED)
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._watch = Watch()
+        self._connected: Dict[str, float] = {}
         self._came_up = -inf
         self._waited: Dict[str, Tuple[float, float]] = {}  # when, and how much in all, by node
         self._short: Dict[str, float] = {}  # when it waited for most of the time
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
-        self._waiting: List[Tuple[str, Publisher, _Gap]] = []
+        self._waiting: List[Tuple[Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
         self._slow, self._looked = 0, -inf
 
-    def look(self, time: float, late: float) -> None:
+    def look(self, late: float) -> None:
         """Look at the time; the monitor was `late` to do so."""
-        self.watch.look(time, time - late)
+        self._watch.look(self._board.now, self._board.now - late)
         self._silent = None
 
-    def connected(self, node: str, time: float, substitute: bool) -> None:
+    def connected(self, node: str, substitute: bool) -> None:
         """Note a connection to a node; a `substitute` comes up, and may listen to all."""
         if substitute:
-            self._came_up = time
+            self._came_up = self._board.now
         else:
-            self._connected.append((node, time))
+            self._connected[node] = self._board.now
 
-    def clock(self, time: float, waited: Iterable[Tuple[str, float]]) -> None:
+    def clock(self, waited: Iterable[Tuple[str, float]]) -> None:
         """Note for how long in all nodes, by the empty name any, have waited for a processor."""
+        time = self._board.now
         for node, seconds in waited:
             since, before = self._waited.get(node, (time, seconds))
             if seconds - before > settings.SHORT_SHARE * max(time - since, 0.0):
@@ -60,99 +61,93 @@ class Surroundings:
 
     def silence(self, publisher: Publisher) -> Case:
         """Return the case of a publisher that is silent for longer than it is allowed."""
-        since, watch = publisher.silent_since or 0.0, self.watch
-        together = self._late_with(_Gap(publisher.name, since, watch.now))
+        since, watch = publisher.silent_since or 0.0, self._watch
         return replace(
-            self._late(Blame.SILENCE, publisher.name, since, watch.now, together),
+            self._late(Blame.SILENCE, _Gap(publisher.name, since, watch.now)),
             limit=watch.now + 2 * publisher.allowed - watch.passed(since),
             due=watch.when(since, publisher.allowed),
             reconnects_until=publisher.reconnects_until,
         )
 
-    def slow(self, blame: Blame, publisher: Publisher, time: float) -> Case:
+    def slow(self, blame: Blame, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
-        span = publisher.evidence.span if publisher.evidence is not None else 0.0
+        time = self._board.now
         if not 0.0 <= time - self._looked < settings.SAMPLE_S:
             self._looked = time
-            slow = (each for each in self._everybody() if each.is_healthy and each.is_slow)
+            slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
             self._slow = len({each.name for each in slow})
-        return self._late(blame, publisher.name, time - span, time, self._slow)
+        gap = _Gap(publisher.name, time - publisher.evidence.rate.span, time)
+        return self._late(blame, gap, self._slow)
 
-    def range(self, publisher: Publisher, time: float, confirmed: bool) -> Case:
+    def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
         causes = _wrong_with(publisher)
-        outside = (
-            p for p in self._everybody() if p.connected and p.evidence and p.evidence.outside
-        )
-        apart = [p for p in outside if p.service and causes.isdisjoint(_wrong_with(p))]
+        outside = (p for p in self._board.all() if p.connected and p.evidence.outside)
+        apart = [each for each in outside if causes.isdisjoint(_wrong_with(each))]
+        time = self._board.now
         return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
-    def heard(self, topic: str, publisher: Publisher, began: float, time: float) -> List[Key]:
-        """Take the gap of a healthy publisher; return whose allowed silence has changed by that.
+    def heard(self, publisher: Publisher, began: float) -> None:
+        """Learn from the gap of a healthy publisher.
 
         One that is long waits for `learn`: only then it is known if the monitor was held up.
         """
-        learned, service, length = publisher.learned, publisher.service, time - began
-        if service is not None and length >= settings.MISSED_PERIODS * (service.period or length):
-            gap = _Gap(publisher.name, began, time)
+        learned, service, length = publisher.learned, publisher.service, self._board.now - began
+        if length >= settings.MISSED_PERIODS * (service.period or length):
+            gap = _Gap(publisher.name, began, self._board.now)
             self._gaps.append(gap)
             if learned is not None and learned.is_long(length):
-                self._waiting.append((topic, publisher, gap))
-                return []
-        return [(topic, publisher.name)] if learned is not None and learned.add(length) else []
+                self._waiting.append((publisher, gap))
+                return
+        if learned is not None and learned.add(length):
+            self._board.look_when_due(publisher)
 
-    def learn(self) -> List[Key]:
-        """Learn from the long gaps before that have no alibi; return whose allowed silence that
-        changes.
-        """
+    def learn(self) -> None:
+        """Learn from the long gaps before that have no alibi."""
         waiting, self._waiting = self._waiting, []
-        changed: List[Key] = []
-        for topic, publisher, gap in waiting:
-            learned, together = publisher.learned, self._late_with(gap)
-            case = self._late(Blame.GAP, gap.node, gap.began, gap.ended, together)
-            if learned is None or decide(case):
+        for publisher, gap in waiting:
+            learned, watch = publisher.learned, self._watch
+            if learned is None or decide(self._late(Blame.GAP, gap)):
                 continue
-            if learned.add(self.watch.passed(gap.began) - self.watch.passed(gap.ended)):
-                changed.append((topic, publisher.name))
-        return changed
+            if learned.add(watch.passed(gap.began) - watch.passed(gap.ended)):
+                self._board.look_when_due(publisher)
 
-    def _late(self, blame: Blame, node: str, began: float, time: float, together: int) -> Case:
+    def _late(self, blame: Blame, gap: _Gap, together: Optional[int] = None) -> Case:
         return Case(
             blame,
-            time,
-            began,
-            connected=next((at for name, at in reversed(self._connected) if name == node), -inf),
+            gap.ended,
+            gap.began,
+            connected=self._connected.get(gap.node, -inf),
             came_up=self._came_up,
-            short=self.short(node),
-            together=together,
+            short=self.short(gap.node),
+            together=self._late_with(gap) if together is None else together,
         )
 
     def _late_with(self, gap: _Gap) -> int:
         """Return how many nodes were silent for half of a gap at least, up to TOGETHER_NODES."""
         if self._silent is None:
-            now = self.watch.now
-            late = (p for p in self._everybody() if _is_late(p, now))
+            now = self._watch.now
+            late = (p for p in self._board.all() if _is_late(p, now))
             self._silent = [_Gap(p.name, p.last_heard or 0.0, now) for p in late]
         nodes: Set[str] = {gap.node}
-        for gaps in (self._silent, self._gaps):
-            for other in gaps:
-                both = min(gap.ended, other.ended) - max(gap.began, other.began)
-                if both >= (gap.ended - gap.began) / 2.0:
-                    nodes.add(other.node)
-                if len(nodes) >= settings.TOGETHER_NODES:
-                    return len(nodes)
+        for other in (*self._silent, *self._gaps):
+            both = min(gap.ended, other.ended) - max(gap.began, other.began)
+            if both >= (gap.ended - gap.began) / 2.0:
+                nodes.add(other.node)
+            if len(nodes) >= settings.TOGETHER_NODES:
+                break
         return len(nodes)
 
 
 def _wrong_with(publisher: Publisher) -> Set[str]:
     """Return whatever a publisher's values are wrong with: causes, and what they come from."""
     service = publisher.service
-    return {*service.wrong_with, service.name, *service.upstream} if service else set()
+    return {*service.wrong_with, service.name, *service.upstream}
 
 
 def _is_late(publisher: Publisher, time: float) -> bool:
     """Tell if a healthy publisher has missed a message."""
-    service, last = publisher.service, publisher.last_heard
-    if last is None or service is None or service.period is None or not publisher.is_healthy:
+    period, last = publisher.service.period, publisher.last_heard
+    if last is None or period is None or not publisher.is_healthy:
         return False
-    return time - last >= settings.MISSED_PERIODS * service.period
+    return time - last >= settings.MISSED_PERIODS * period

@@ -8,7 +8,7 @@ SASO 2019). What is not healthy is no witness.
 from collections import deque
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Deque, Dict, List, Mapping, Optional, Tuple
+from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from shsa_core.codegen.plans import plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -20,7 +20,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.monitoring import settings
-from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
+from shsa_core.monitoring.derivations import Derivations, FollowedPlan
 from shsa_core.monitoring.evidence import Finding, judge
 from shsa_core.search.derivation import SourceTable
 
@@ -34,19 +34,15 @@ class _Witness:
     what was left of the difference, and when.
     """
 
-    plan: FollowedPlan
+    followed: FollowedPlan
     calibrated: bool
     stated: Optional[float]
     seen: Deque[Tuple[float, Error]] = field(default_factory=deque)
 
     @property
-    def output(self) -> Output:
-        return self.plan.outputs[0]
-
-    @property
     def nodes(self) -> Tuple[str, ...]:
         """The nodes that it reads."""
-        return tuple(dict.fromkeys(each.node for each in self.plan.inputs))
+        return tuple(dict.fromkeys(each.node for each in self.followed.plan.inputs))
 
     @property
     def names(self) -> str:
@@ -56,21 +52,25 @@ class _Witness:
     @property
     def derived(self) -> Optional[float]:
         """The value that it tells now; None: it cannot."""
-        raw = self.output.derived
-        return self.output.calibration(raw) if self.calibrated and raw is not None else raw
+        output = self.followed.outputs[0]
+        if output.derived is None or not self.calibrated:
+            return output.derived
+        return output.calibration(output.derived)
 
     @property
     def knows(self) -> bool:
         """True once it has compared for long enough to tell what is wrong."""
-        return not self.calibrated or self.output.calibration.error is not None
+        return not self.calibrated or self.followed.outputs[0].calibration.error is not None
 
     def allowed(self, time: float) -> Optional[float]:
         """Return how far it may be: as stated, or as seen a while ago if less; None: not known.
 
         What is seen now may be widened by what shall be found, a sensor that drifts.
         """
-        error, seen = self.output.calibration.error, self.seen
-        enough = error is not None and (error.n or 0) >= settings.WITNESS_SAMPLES
+        error, seen = self.followed.outputs[0].calibration.error, self.seen
+        enough = (
+            error is not None and (error.n or 0) * settings.SAMPLE_COUNTS_S >= settings.SETTLING_S
+        )
         if error is not None and enough and (not seen or seen[-1][1] is not error):
             seen.append((time, error))
         while len(seen) > 1 and seen[1][0] <= time - 2 * settings.SETTLING_S:
@@ -81,93 +81,69 @@ class _Witness:
         return min(known, default=None)
 
 
-@dataclass
-class _Suspect:
+class _Suspect(NamedTuple):
     """A value that the SOM wants compared. `check`: with how far off it may be."""
 
     source: Source
     check: Check
     witnesses: List[_Witness]
 
-    def allowed(self, witness: _Witness, time: float) -> Optional[float]:
-        """Return how far it may be from what a witness tells; None: not known."""
-        by_errors = self.check.limit == LEARNED
-        return witness.allowed(time) if by_errors else float(self.check.limit)
-
-
-class _Gap:
-    """The differences of two values at the last looks in a row at which both were there."""
-
-    def __init__(self) -> None:
-        self._differences: Deque[float] = deque(maxlen=settings.WITNESS_LOOKS)
-
-    def add(self, one: Optional[float], other: Optional[float]) -> None:
-        """Take a look; a value that is missing makes it begin anew."""
-        if one is None or other is None:
-            self._differences.clear()
-        else:
-            self._differences.append(abs(one - other))
-
-    @property
-    def mean(self) -> Optional[float]:
-        """The mean of the magnitudes; None: there were too few looks."""
-        count = len(self._differences)
-        return sum(self._differences) / count if count == settings.WITNESS_LOOKS else None
-
 
 class Suspicion:
     """The evidence of others against one value in one life of its node.
 
-    `disputed`: at so many looks in a row it was wrong by two that agree; `doubtful`: by any.
     `doubts`: by service, what people are told of it though nobody is blamed.
     """
 
     def __init__(self, suspect: _Suspect) -> None:
         self.suspect = suspect
-        self.gaps = [_Gap() for _ in suspect.witnesses]
-        self.between = _Gap()
-        self.disputed = self.doubtful = 0
         self.finding: Optional[Finding] = None
         self.doubts: Dict[str, str] = {}
+        # For so many looks in a row it is wrong: by two that agree, and by any.
+        self._disputed = self._wrong = 0
         self._doubted: List[_Witness] = []
+        # Differences to each witness, and between both, at the last looks in a row.
+        self._differences: List[Deque[float]] = [
+            deque(maxlen=settings.WITNESS_LOOKS) for _ in range(len(suspect.witnesses) + 1)
+        ]
+
+    @property
+    def doubtful(self) -> bool:
+        """True while any witness contradicts."""
+        return self._wrong > 0
 
     def look(self, measured: Optional[float], time: float) -> None:
         """Compare with each witness that knows enough."""
-        told, suspect = self._told(measured, time), self.suspect
-        findings = [judge((suspect.check,), sample) for _, sample in told]
+        witnesses = self.suspect.witnesses
+        apart = _mean(self._differences[-1], witnesses[0].derived, witnesses[-1].derived)
+        told = self._told(measured, time)
+        findings = [judge((self.suspect.check,), sample) for _, sample in told]
         wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
-        alone = len(wrong) == 2 and self._agree([sample for _, sample in told])
-        self.disputed = self.disputed + 1 if alone else 0
-        self.doubtful = self.doubtful + 1 if wrong else 0
+        alone = len(wrong) == 2 and _agree(apart, [sample for _, sample in told])
+        self._disputed = self._disputed + 1 if alone else 0
+        self._wrong = self._wrong + 1 if wrong else 0
         self.finding = None
-        if self.disputed > settings.WITNESS_LOOKS and findings[0] is not None:
+        if self._disputed > settings.WITNESS_LOOKS and findings[0] is not None:
             other, sample = told[1]
             detail = f"{findings[0].detail}; by {other.names} it is {sample.derived:g}"
             self.finding = Finding(findings[0].kind, detail)
-        doubted = wrong if self.doubtful > settings.WITNESS_LOOKS and self.finding is None else []
+        lasts = self._wrong > settings.WITNESS_LOOKS and self.finding is None
+        doubted = wrong if lasts else []
         if doubted != self._doubted:  # it is told once: numbers change with every look
             self._doubted = doubted
-            self.doubts = _doubts(suspect, wrong, len(wrong) == len(told)) if doubted else {}
+            self.doubts = _doubts(self.suspect, doubted, len(doubted) == len(told))
 
     def _told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
-        found, suspect, witnesses = [], self.suspect, self.suspect.witnesses
-        self.between.add(witnesses[0].derived, witnesses[-1].derived)
-        for gap, each in zip(self.gaps, witnesses):
-            derived, allowed = each.derived, suspect.allowed(each, time)
-            gap.add(measured, derived)
-            if measured is None or derived is None or gap.mean is None or not each.knows:
+        found, (source, check, witnesses) = [], self.suspect
+        for differences, each in zip(self._differences, witnesses):
+            derived = each.derived
+            mean = _mean(differences, measured, derived)
+            allowed = each.allowed(time) if check.limit == LEARNED else float(check.limit)
+            if measured is None or derived is None or mean is None or not each.knows:
                 continue
-            name = suspect.source.property
-            sample = WitnessSample(name, measured, derived, gap.mean, each.nodes, allowed)
+            sample = WitnessSample(source.property, measured, derived, mean, each.nodes, allowed)
             found.append((each, sample))
         return found
-
-    def _agree(self, samples: List[WitnessSample]) -> bool:
-        """Tell if both witnesses agree with each other, and better than with what is measured."""
-        most, apart = _apart(samples[0].allowed, samples[1].allowed), self.between.mean
-        if most is None or apart is None or apart > most:
-            return False
-        return all(apart < sample.mean for sample in samples)
 
 
 class Witnesses:
@@ -175,26 +151,26 @@ class Witnesses:
 
     def __init__(self, ontology: Ontology, derivations: Derivations) -> None:
         self._ontology, self._derivations = ontology, derivations
-        self._predictor: Optional[Predictor] = None
         self._suspects: Dict[str, List[_Suspect]] = {}
 
     def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
         """Compare what `som` wants compared; what was learned of differences begins anew."""
-        self._predictor = predictor
         known = self._ontology.properties
-        sources = [source for source in som.sources if source.property in known]
-        table = SourceTable(self._ontology.network, sources)
+        table = SourceTable(
+            self._ontology.network, (each for each in som.sources if each.property in known)
+        )
         self._suspects = {service.name: [] for service in som}
-        for service in som:
-            for source in service.readable:
-                for check in source.provision.checks if source.property in known else ():
-                    if check.sample is WitnessSample:
-                        witnesses = self._witnesses(source, table, check.limit == LEARNED)
-                        if witnesses:
-                            found = _Suspect(source, check, witnesses)
-                            self._suspects[service.name].append(found)
+        for source in (each for service in som for each in service.readable):
+            for check in source.provision.checks if source.property in known else ():
+                if check.sample is WitnessSample:
+                    witnesses = self._witnesses(source, table, check.limit == LEARNED, predictor)
+                    if witnesses:
+                        suspect = _Suspect(source, check, witnesses)
+                        self._suspects[source.service.name].append(suspect)
 
-    def _witnesses(self, source: Source, table: SourceTable, by_errors: bool) -> List[_Witness]:
+    def _witnesses(
+        self, source: Source, table: SourceTable, by_errors: bool, predictor: Optional[Predictor]
+    ) -> List[_Witness]:
         """Return up to two derivations that share no cause with the source or each other."""
         found: List[_Witness] = []
         excluded = {source.service.name, *source.service.wrong_with}
@@ -202,12 +178,11 @@ class Witnesses:
             question = self._ontology, source.service.name, (source,)
             try:
                 others = table.excluding(sorted(excluded))
-                plan = plan_sources(*question, others, predictor=self._predictor)
+                plan = plan_sources(*question, others, predictor=predictor)
                 followed = self._derivations.made(plan)
             except ShsaError:
                 break  # nobody else can tell
             followed.witness = True
-            self._derivations.follow(followed)
             if by_errors:
                 followed.outputs[0].calibrate()
             spreads = spread(source.provision.error), spread(followed.outputs[0].stated)
@@ -228,24 +203,47 @@ class Witnesses:
         """
         for suspect in self._suspects[service.name]:
             name = suspect.source.property
-            suspicion = suspicions.get(name)
-            if suspicion is None or suspicion.suspect is not suspect:
-                suspicion = suspicions[name] = Suspicion(suspect)
-            suspicion.look(measured.get(name), time)
+            if name not in suspicions or suspicions[name].suspect is not suspect:
+                suspicions[name] = Suspicion(suspect)
+            suspicions[name].look(measured.get(name), time)
+
+
+def _mean(
+    differences: Deque[float], one: Optional[float], other: Optional[float]
+) -> Optional[float]:
+    """Add a difference, and return their mean; None: a value is missing, or there are too few."""
+    if one is None or other is None:
+        differences.clear()
+        return None
+    differences.append(abs(one - other))
+    count = len(differences)
+    return sum(differences) / count if count == differences.maxlen else None
+
+
+def _agree(apart: Optional[float], samples: List[WitnessSample]) -> bool:
+    """Tell if both witnesses agree with each other, and better than with what is measured."""
+    most = _apart(samples[0].allowed, samples[1].allowed)
+    if most is None or apart is None or apart > most:
+        return False
+    return all(apart < sample.mean for sample in samples)
 
 
 def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[str, str]:
-    """Return what is shown of the services of which one may be wrong.
+    """Return what is shown of the services of which one may be wrong, if anybody is.
 
     A derivation that the sensor and the other derivation contradict brings its own inputs in doubt.
     """
+    if not wrong:
+        return {}
     source = suspect.source
     told = [f"by {each.names} {each.derived:g}" for each in wrong]
     text = f"{source.property} is {' and '.join(told)}, which {source.node} "
     if all_differ:
         return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
     text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
-    return {each.service.name: f"{text}contradict" for one in wrong for each in one.plan.inputs}
+    return {
+        each.service.name: f"{text}contradict" for one in wrong for each in one.followed.plan.inputs
+    }
 
 
 def _apart(one: Optional[float], other: Optional[float]) -> Optional[float]:

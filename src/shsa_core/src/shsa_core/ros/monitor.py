@@ -147,7 +147,7 @@ class MonitorNode:
             self._companion.beat()  # who has much to catch up with does not hang
             if isinstance(happening, subscriptions.Looked):
                 self._looked = happening.time
-                self._feed(events.Tick(happening.time, wanted, woke))
+                self._feed(events.Tick(happening.time, max(0.0, woke - wanted)))
             else:
                 guarded("The monitor", self._happened, happening)
         self._tell_changes()
@@ -163,7 +163,7 @@ class MonitorNode:
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
         nodes = self._launches.ending()
         if nodes:
-            self._feed(events.NodesEnding(clock.now(), nodes))
+            self._feed(events.Ending(clock.now(), nodes))
             text = "The launch of %s is ending: that they stop is no failure."
             rospy.loginfo(text, ", ".join(nodes))
 
