@@ -108,7 +108,8 @@ class Robot:
         return [
             row.node
             for row in rows
-            if row.node in there and is_connected("/old_consumer", topic, row.node)
+            if row.node in there
+            and all(is_connected(each, topic, row.node) for each in ("/old_consumer", "/monitor"))
         ]
 
     def told(self, key: str) -> List[str]:
