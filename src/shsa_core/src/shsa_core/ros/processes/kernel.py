@@ -120,10 +120,11 @@ def _part(process: psutil.Process) -> str:
 
 def ancestors(pid: int) -> List[int]:
     """Return the processes that a process descends from, the nearest first, without the first."""
-    try:
-        return [each.pid for each in psutil.Process(pid).parents() if each.pid > 1]
-    except psutil.Error:
-        return []
+    with suppress(psutil.Error):
+        parent = psutil.Process(pid).parent()
+        if parent is not None and parent.pid > 1:
+            return [parent.pid, *ancestors(parent.pid)]
+    return []
 
 
 def starter(pid: int) -> Tuple[int, List[str]]:

@@ -2,9 +2,8 @@
 
 Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
 buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
-connection in a thread that calls back, and does not say when one ended, or when a message came. It
-keeps a connection that the publisher refused, as who has just unregistered does, and then connects
-to that publisher no more (`robust_connect_subscriber`, `has_connection`).
+connection in a thread that calls back, and does not say when one ended, or when a message came. A
+connection that the publisher refused stays in `connections`, so that no other is made to that node.
 """
 import socket
 import struct
