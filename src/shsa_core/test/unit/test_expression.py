@@ -1,5 +1,6 @@
 """The language of expressions: what is read, what is refused, and that nothing is ever run."""
 import math
+import sys
 from typing import Any, Optional
 
 import audit
@@ -16,6 +17,8 @@ from shsa_core.language.syntax import MAX_DEPTH, MAX_LENGTH, MAX_NODES, MAX_ROW,
 from shsa_core.language.trees import literal
 from shsa_testing.thorough import many
 
+UNCLOSED = 8 if sys.version_info >= (3, 9) else 9
+"""The place that the parser of Python names."""
 HOSTILE = [text for texts in EXPRESSIONS.values() for text in texts]
 
 
@@ -193,7 +196,7 @@ LANGUAGE = (
         ("a b", "not an expression: it cannot be read from position 3 of 'a b'"),
         (
             "lowpass(a",
-            "not an expression: it cannot be read from position 8 of 'lowpass(a'; "
+            f"not an expression: it cannot be read from position {UNCLOSED} of 'lowpass(a'; "
             "a comma within {...} ends it, unless it is quoted",
         ),
         (

@@ -158,6 +158,7 @@ def test_what_it_computes_at_rest() -> None:
     assert steady is not None and steady((2.0,), 0.0) == (1002.0,)
 
 
+@pytest.mark.skipif(sys.version_info < (3, 9), reason="the older parser has room of its own")
 def test_where_the_interpreter_has_no_room_left_it_is_refused() -> None:
     code = f"t0=x[0];\ndef _tf1(i1):\n  return {'+'.join(['i1'] * 500)}\nt1=_tf1(t0)\ny=t1\n"
 
