@@ -32,6 +32,8 @@ LATE_S = 0.25
 SETTLED_S = 3.0
 QUIET_S = 1.0
 HEALED_S = 60.0
+ROOM = 1000
+"""Cores of each computer: what else runs on this machine is to move no substitute."""
 FIRST, NEAR = "/first", "/near"
 ORIGINALS = {FIRST: "/first_node", NEAR: "/near_node"}
 CONSUMER = """
@@ -105,7 +107,9 @@ def models(folder: Path) -> Dict[str, str]:
         "first": hot(FIRST, "far", "own"),
         "near": hot(NEAR, "own", "far"),
     }
-    som.write_text(json.dumps({"act": True, "hosts": {"own": {}, "far": {}}, "services": services}))
+    room = {"cores": ROOM}
+    hosts = {"own": room, "far": room}
+    som.write_text(json.dumps({"act": True, "hosts": hosts, "services": services}))
     return {"ontology": str(ontology), "som": str(som), "secret": str(folder / "secret")}
 
 

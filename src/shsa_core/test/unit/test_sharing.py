@@ -13,7 +13,7 @@ from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged
-from shsa_core.monitoring.substitutes import Substitutes
+from shsa_core.monitoring.board import Substitutes
 from shsa_core.substitution import events
 from shsa_core.substitution.sharing import Sharing
 
@@ -152,16 +152,16 @@ def row(name: str, publishing: bool = False) -> Substitution:
 def test_the_monitor_knows_each_of_a_process_by_its_topic() -> None:
     known = Substitutes()
     known.change(rows_of("c", "d", publishing="c"))
-    assert [known.service(topic, HOST) for topic in ("/c", "/d")] == ["c", "d"]
-    assert not known.may_be_silent("/c", HOST) and known.may_be_silent("/d", HOST)
-    assert known.bridging("/c", HOST) is None and known.bridging("/d", HOST) is not None
+    rows = [known.row(topic, HOST) for topic in ("/c", "/d")]
+    assert [(each.service, each.publishing) for each in rows if each] == [("c", True), ("d", False)]
     gone = SubstitutionsChanged(2.0, (), (row_key(row("c")),), False)
     assert [(node, old and old.service, new) for node, old, new in known.change(gone)] == [
         (HOST, "c", None)
     ]
-    assert known.is_known("/d", HOST) and known.service("/d", HOST) == "d"
+    left = known.row("/d", HOST)
+    assert left is not None and left.service == "d"
     known.change(SubstitutionsChanged(3.0, (), (row_key(row("d")),), False))
-    assert not known.is_known("/d", HOST)
+    assert known.row("/d", HOST) is None
 
 
 # The process's side.

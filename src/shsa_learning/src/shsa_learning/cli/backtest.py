@@ -2,7 +2,6 @@
 import argparse
 import json
 import math
-import sys
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.cli._common import say
@@ -65,11 +64,12 @@ def run(args: argparse.Namespace) -> int:
     # Libraries of numbers, which only this command needs, take longer to load than others to run.
     from shsa_learning.backtest.backtest import Backtest
     from shsa_learning.recordings.data import read
+    from shsa_learning.recordings.reservoir import ALL_ROWS
 
     ontology, som = read_models(args)
     if args.property is not None:
         check_property(args.property, ontology, som)
-    recordings = read(args.data, som, ontology, most=sys.maxsize)
+    recordings = read(args.data, som, ontology, most=ALL_ROWS)
     backtest = Backtest(ontology, som, recordings)
     notes = [f"{each.name}: {note}" for each in recordings for note in each.notes]
     missing = [source.path for source in backtest.unrecorded]

@@ -5,7 +5,7 @@ from typing import Dict, List, Tuple
 
 import numpy as np
 
-MOST_ROWS = 50_000
+MOST_ROWS, ALL_ROWS = 50_000, 1 << 40
 NO_NUMBER = -sys.float_info.max
 """Stands for a value that says that there is no number, beside NaN for none."""
 SLOT_S = 10.0
