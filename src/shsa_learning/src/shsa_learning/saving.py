@@ -165,6 +165,11 @@ def _plain_exponents(tree: Any) -> None:
             _plain_exponents(tree[key])
 
 
+def _without_tags(text: str) -> str:
+    """Return what is written, with null as newer versions of ruamel.yaml than 0.15 have it."""
+    return text.replace("!!null ''", "null")
+
+
 def dump(tree: CommentedMap, path: str) -> None:
     """Write the file as a whole or not at all; a link to it stays one."""
     path = os.path.realpath(path)
@@ -172,7 +177,7 @@ def dump(tree: CommentedMap, path: str) -> None:
     handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")
     try:
         with open(handle, "w", encoding="utf-8") as stream:
-            _editor().dump(tree, stream)
+            _editor().dump(tree, stream, transform=_without_tags)
         os.chmod(temporary, os.stat(path).st_mode & 0o777 if os.path.exists(path) else 0o644)
         os.replace(temporary, path)
     except BaseException:
