@@ -1,8 +1,10 @@
 """Connections that rospy makes for us: how much is read of them, and that none stays open."""
 import gc
 import socket
+import threading
 import time
 import weakref
+from contextlib import suppress
 from typing import Any, Iterator, List
 
 import psutil
@@ -14,6 +16,7 @@ from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 from std_msgs.msg import String
 
+from shsa_core.errors import ShsaError
 from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe
 from shsa_core.ros.settings import LARGEST_HEADER_B
 from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
@@ -95,6 +98,23 @@ def test_a_connection_that_is_replaced_while_it_is_made_is_freed_at_once() -> No
         assert gone() is None
     finally:
         gc.enable()
+
+
+def test_a_connection_that_is_dropped_before_it_has_a_socket_is_closed() -> None:
+    """It sends no header, so a rospy publisher would wait for that, and serve nobody."""
+    transport = connecting()
+    HandedOver("/topic", lambda _: None, lambda _: None).add_connection(transport)
+    transport.close()
+    transport.socket, other = socket.socketpair()
+    with other:
+        other.settimeout(5.0)
+        threading.Thread(target=read_quietly, args=(transport,), daemon=True).start()
+        assert other.recv(1) == b""
+
+
+def read_quietly(transport: Any) -> None:
+    with suppress(OSError, ShsaError):
+        transport.read_header()
 
 
 def test_a_connection_that_stands_is_handed_over() -> None:

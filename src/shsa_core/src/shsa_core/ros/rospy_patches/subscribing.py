@@ -2,8 +2,8 @@
 
 Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
 buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
-connection in a thread that calls back, and does not say when one ended, or when a message came. A
-connection that the publisher refused stays in `connections`, so that no other is made to that node.
+connection in a thread that calls back, not saying when one ended, or when a message came. One that
+was refused stays in `connections`, so that no other is made to that node.
 """
 import socket
 import struct
@@ -54,15 +54,16 @@ def read(
 
 def bound_header(transport: Any) -> None:
     """Have rospy give up a connection whose header does not end."""
-    # What rospy drops while it connects must be freed, and so closed, at once: a connection that
-    # stays without a header keeps a rospy publisher from serving anybody else. So it may not hold
-    # itself.
+    # One that stays without a header keeps a rospy publisher from serving anybody else: what rospy
+    # drops while it connects must be closed, and so freed; it may not hold itself.
     weak = weakref.ref(transport)
 
     def read_bounded() -> None:
         found = weak()
         if found is None or found.socket is None:
             return
+        if found.done:  # before there was a socket to close; no header was sent
+            found.socket.close()
         try:
             found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
         except TransportInitError as error:
