@@ -33,7 +33,10 @@ ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_b
 """Those of them whose tests share nothing: any of them may run beside any other."""
 LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
-PRECISE = ("deadline", "takeover", "failover", "test_master")
+PRECISE = (
+    *("deadline", "takeover", "heal_amperemeter", "heal_plain_topics"),
+    *("failover", "test_master"),
+)
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
 LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
 SHARE, LOWEST = "/proc/self/autogroup", "19"

@@ -30,12 +30,11 @@ with Computers("left") as network:
 """
 SENDER = """
 import socket, struct, sys, time
+from contextlib import suppress
 out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 for number in range(1000000):
-    try:
+    with suppress(OSError):  # the link is down
         out.sendto(struct.pack("!Id", number, time.monotonic()), (sys.argv[1], int(sys.argv[2])))
-    except OSError:
-        pass  # the link is down
     time.sleep(0.005)
 """
 

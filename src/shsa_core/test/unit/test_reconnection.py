@@ -83,23 +83,15 @@ def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node:
     assert monitor.kinds() == ["Interrupted", "Connected"]
 
 
-def test_a_connection_that_is_dropped_before_it_stands_is_asked_for_again(
-    monitor: Monitor, node: Node
+@pytest.mark.parametrize("how, times", [("drops", 2), ("refuses", 1)])
+def test_a_connection_that_never_stood_is_asked_for_again(
+    monitor: Monitor, node: Node, how: str, times: int
 ) -> None:
-    node.drops = 2
+    """One that refuses has just unregistered the topic, and registers it again."""
+    setattr(node, how, times)
     monitor.hear_of(node)
     monitor.until(lambda: "Connected" in monitor.kinds())
-    assert monitor.kinds() == ["Connected"] and node.asked == 2
-
-
-def test_a_node_that_refuses_once_is_asked_for_another_connection(
-    monitor: Monitor, node: Node
-) -> None:
-    """Do as a node that has just unregistered the topic, and registers it again."""
-    node.refuses = 1
-    monitor.hear_of(node)
-    monitor.until(lambda: "Connected" in monitor.kinds())
-    assert monitor.kinds() == ["Connected"] and node.asked == 1
+    assert monitor.kinds() == ["Connected"] and node.asked == times
 
 
 def test_a_node_that_never_lets_it_stand_is_asked_a_few_times(monitor: Monitor, node: Node) -> None:

@@ -1,6 +1,6 @@
 """Vectors: properties of several elements, in both files, and the functions of them."""
 import pathlib
-from typing import Any, List, Tuple
+from typing import Any, Callable, List, Tuple
 
 import pytest
 
@@ -82,6 +82,13 @@ def test_check_and_find_know_it(tmp_path: pathlib.Path, capsys: Any) -> None:
     said = capsys.readouterr().out
     assert "inputs  /odom/effort[0],/odom/effort[1]" in said
     assert "output  /drive/velocity[0],/drive/velocity[1]" in said
+
+
+def check_told(read: Callable[[], object], what: str, where: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        read()
+    assert what in str(caught.value)
+    assert {each.where for each in caught.value.errors} == {where}
 
 
 @pytest.mark.parametrize(
@@ -171,10 +178,7 @@ def test_fields_of_elements_may_be_named(tmp_path: pathlib.Path) -> None:
     ],
 )
 def test_what_is_wrong_is_told_with_its_line(tmp_path: pathlib.Path, text: str, what: str) -> None:
-    with pytest.raises(ModelError) as caught:
-        relation(tmp_path, text)
-    assert what in str(caught.value)
-    assert {each.where for each in caught.value.errors} == {f"{tmp_path}/o.yaml:13"}
+    check_told(lambda: relation(tmp_path, text), what, f"{tmp_path}/o.yaml:13")
 
 
 @pytest.mark.parametrize(
@@ -205,10 +209,7 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: pathlib.Path, text: str, 
     ],
 )
 def test_what_is_wrong_with_a_vector_is_told(tmp_path: pathlib.Path, text: str, what: str) -> None:
-    with pytest.raises(ModelError) as caught:
-        models(tmp_path, text)
-    assert what in str(caught.value)
-    assert {each.where for each in caught.value.errors} == {f"{tmp_path}/o.yaml:1"}
+    check_told(lambda: models(tmp_path, text), what, f"{tmp_path}/o.yaml:1")
 
 
 @pytest.mark.parametrize(

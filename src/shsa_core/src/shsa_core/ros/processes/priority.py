@@ -55,10 +55,9 @@ def _try(pid: int) -> bool:
     with _lock:
         try:
             Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
-        except BlockingIOError:
-            return False
-        except OSError:
-            pass  # it has ended meanwhile
+        except OSError as error:
+            if isinstance(error, BlockingIOError):
+                return False  # any other: it has ended meanwhile
         del _wanted[pid]
         return True
 
