@@ -28,12 +28,11 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.launch import await_turn
 from shsa_core.ros.node import guarded, read_parameters, recorded, run
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
-from shsa_core.ros.processes.launch import Launch, Launches
+from shsa_core.ros.processes.launch import Launch, Launches, await_turn
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import Signing

@@ -33,10 +33,9 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.processes.launch import await_turn, hear_successor
+from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.processes.launch import Launch
 from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup
@@ -50,11 +49,10 @@ from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.succession import maintain, maintained
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
-from shsa_core.ros.succession import take_over
+from shsa_core.ros.succession import maintain, maintained, take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message

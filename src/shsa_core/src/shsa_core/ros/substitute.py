@@ -17,8 +17,7 @@ from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.ros import clock, settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.master import announce
-from shsa_core.ros.master.node_api import Originals
-from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.ros.master.node_api import FAILURES, Originals
 from shsa_core.ros.messages.composing import read_message
 from shsa_core.ros.messages.fields import Field, problem
 from shsa_core.ros.messages.tables import TableSubscriber
