@@ -152,19 +152,22 @@ def pair(*outputs: Provision) -> Robot:
 
 def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 100) -> Program:
     """The monitor tells by what the best plan without a node errs; returns its program."""
-    planner = robot.core.robot.planner
-    plan = plan_service(
-        planner.ontology,
-        planner.som.services["p"],
-        planner.plans.sources,
-        ("/p_node", without),
-        predictor=planner.predictor,
-    )
-    found = [Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n)) for rms in errors]
-    row = CalibrationRow("p", plan.program, tuple(found))
+    program = program_of(robot, without)
+    row = CalibrationRow("p", program, tuple(calibration(rms, n) for rms in errors))
     robot.handle(events.CalibrationsHeard(time, (row,)))
     robot.idle(time)
-    return plan.program
+    return program
+
+
+def calibration(rms: float, n: int = 100) -> Calibration:
+    return Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n))
+
+
+def program_of(robot: Robot, without: str) -> Program:
+    """Return the program of the best plan without a node."""
+    planner = robot.core.robot.planner
+    question = planner.ontology, planner.som.services["p"], planner.plans.sources
+    return plan_service(*question, ("/p_node", without), predictor=planner.predictor).program
 
 
 def chosen(robot: Robot) -> Tuple[str, ...]:
@@ -210,6 +213,37 @@ def test_what_is_measured_while_it_is_healed_counts_later() -> None:
     robot.core.robot.planner.plans.drop("p")
     robot.idle(7.0)
     assert chosen(robot) == ("ux", "vx"), "it is followed no more"
+
+
+def contradicted(first: float, second: float) -> Tuple[Robot, List[events.Command]]:
+    """While the best plan of both substitutes, the monitor tells by what each may err."""
+    robot = pair()
+    measured(robot, 5.0, Y, 0.2, 0.2)
+    measured(robot, 6.0, X, 0.3, 0.3)
+    robot.heal(10.0, "/p", "/p_node")
+    other, best = (
+        CalibrationRow("p", program, (calibration(rms),) * 2)
+        for program, rms in ((program_of(robot, X), second), (program_of(robot, Y), first))
+    )
+    return robot, robot.handle(events.CalibrationsHeard(20.0, (other, best)))
+
+
+def test_a_substitute_that_is_contradicted_gives_way_to_one_that_is_not() -> None:
+    robot, said = contradicted(2.0, 0.3)
+    (row,) = robot.working()
+    assert row.publishing and row.relations == ("uy", "vy")
+    assert [(each.gain, each.offset) for each in row.outputs] == [(1.1, 0.3)] * 2
+    told = "/p: the substitute is contradicted: its error has grown. The next best takes its place."
+    assert Log(Level.WARN, told) in said and last_incident(said).state is State.HEALED
+    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(9.0),) * 2)
+    robot.handle(events.CalibrationsHeard(30.0, (contradicted_too,)))
+    assert robot.working()[0].relations == ("ux", "vy"), "what was tried is not tried again"
+
+
+@pytest.mark.parametrize("first, second", [(2.0, 2.0), (0.2, 0.3), (0.35, 0.3)])
+def test_a_substitute_goes_on_where_no_other_errs_clearly_less(first: float, second: float) -> None:
+    robot, _ = contradicted(first, second)
+    assert robot.working()[0].relations == ("ux", "vx")
 
 
 @pytest.mark.parametrize("standby", [Standby.COLD, Standby.HOT])

@@ -11,7 +11,7 @@ only while an independent derivation confirms it: else it may be the sensor that
 """
 from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
-from typing import Deque, List, Optional, Tuple
+from typing import Deque, Dict, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
@@ -40,7 +40,7 @@ class Calibrator:
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
         self._at = 0.0
-        self._errors: Deque[Tuple[float, float]] = deque(maxlen=settings.ERRORS)
+        self._errors: Deque[Tuple[float, float, float]] = deque(maxlen=settings.ERRORS)
         self._noted: Optional[float] = None
         self._whole = True
 
@@ -69,11 +69,16 @@ class Calibrator:
         """
         if len(self._errors) < settings.FEWEST_ERRORS:
             return UNCALIBRATED
-        calibrated = _error([each for each, _ in self._errors])
-        plain = _error([each for _, each in self._errors])
+        calibrated = _error([each for _, each, _ in self._errors])
+        plain = _error([each for *_, each in self._errors])
         if calibrated.rms < plain.rms and not self._whole:
             return Calibration(*self._applied, calibrated)
         return Calibration(error=plain)
+
+    @property
+    def errors(self) -> Dict[float, float]:
+        """Return by what it erred lately, by the second."""
+        return {second: error for second, error, _ in self._errors}
 
     def aged(self, time: float) -> float:
         """Return the variance that has come since it was learned."""
@@ -133,24 +138,25 @@ class Calibrator:
     @property
     def _is_as_stated(self) -> bool:
         """The relation is about as good as it is known to be: what is learned may be a drift."""
-        plain = [each for _, each in self._errors]
+        plain = [each for *_, each in self._errors]
         return bool(plain) and _error(plain).rms <= settings.AS_STATED * self._stated
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
         known = self._shift.seen >= settings.GUARD_S
-        if known and (self._noted is None or time - self._noted >= settings.SAMPLE_COUNTS_S):
-            self._noted = time
+        second = time // settings.SAMPLE_COUNTS_S  # the same for all, to be compared
+        if known and second != self._noted:
+            self._noted = second
             gain, offset = self._applied
             plain = -remainder(residual, tau) if self._angle else -residual
-            self._errors.append(((gain - 1.0) * derived + offset - residual, plain))
+            self._errors.append((second, (gain - 1.0) * derived + offset - residual, plain))
 
     @property
     def _step(self) -> float:
         """The rms error of the relation: as stated, or as it is seen, whichever is larger."""
         if self._shift.settled:
             return self._shift.step
-        late = [each for each, _ in self._errors][len(self._errors) // 2 :]
+        late = [each for _, each, _ in self._errors][len(self._errors) // 2 :]
         return max(self._stated, _error(late or [0.0]).rms)
 
 

@@ -24,6 +24,7 @@ from shsa_core.monitoring import settings
 from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.derivations import Derivations, FollowedPlan
 from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Told
+from shsa_core.monitoring.fusions import Fusions
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
@@ -54,6 +55,8 @@ class Calibrations:
         self._wanted: Deque[_Wanted] = deque()
         self._replan_at = self._search_at = -inf
         self._kept: Set[Source] = set()  # of these it was said
+        self._fusions = Fusions(ontology, derivations)
+        self._turn = 0
 
     def watch(self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]) -> None:
         """Follow plans for the services of `som`; those that are `gone` are told no more."""
@@ -65,16 +68,30 @@ class Calibrations:
     def tick(self) -> None:
         """Look at what was learned, and search a plan."""
         time = self._board.now
-        told = [each for each in self._derivations.refreshed() if each.substitutes]
+        refreshed = self._derivations.refreshed()
+        told = [each for each in refreshed if each.substitutes and self._fusions.tells(each)]
         rows = {each.key: self._row(each) for each in told if self._has_moved(each)}
         if rows:
             self._board.say(CalibrationsChanged(time, tuple(rows.values())))
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
             self._plan()
+            self._fuse()
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S
             self._search(self._wanted.popleft())
+
+    def _fuse(self) -> None:
+        """Look at what is fused of one service that is there, one after the other."""
+        self._turn += 1
+        for name in sorted(self._planned)[self._turn % max(1, len(self._planned)) :][:1]:
+            service, time = self._som.services[name], self._board.now
+            gone, said = self._fusions.look(service)
+            self._tell_gone(gone)
+            for text in said:
+                self._board.say(Told(time, text, warning=False))
+            for followed in self._fusions.propose(service, time):
+                self._follow(followed, fused=True)
 
     def _tell_gone(self, gone: List[FollowedPlan]) -> None:
         if gone:
@@ -146,10 +163,11 @@ class Calibrations:
                 plan.substitutes = False
                 plan.doubt()
 
-    def _follow(self, followed: FollowedPlan) -> None:
+    def _follow(self, followed: FollowedPlan, fused: bool = False) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
         now = [each for each in self._derivations.plans() if each.substitutes]
-        enough = sum(each.plan.service == followed.plan.service for each in now) == settings.PLANS
+        others = sum(each.plan.service == followed.plan.service for each in now)
+        enough = not fused and others >= settings.PLANS
         rate = sum(each.rate for each in now) + followed.rate
         told = [
             each

@@ -149,6 +149,14 @@ GAP_PERIODS = 5.0
 TOLD_SHARE = 0.1
 """A calibration is told anew if it moves its values by this share of their rms error."""
 
+# Fusion.
+FUSED = 120
+"""Errors at the same moments by which shares are found, and so many later ones that judge them."""
+FUSED_GAIN = 0.95
+"""A fusion must err no more than this times the best of its parts."""
+SHRINKAGE, LEAST_SHARE = 0.9, 0.1
+"""So much of the covariance of two errors counts, as few tell it; and the smallest share."""
+
 # Witnesses.
 WITNESS_LOOKS = 10
 """Looks, SAMPLE_S apart: two values differ by the mean of so many, and that has to last as long."""
