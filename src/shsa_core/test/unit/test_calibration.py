@@ -12,6 +12,7 @@ from shsa_core.monitoring.calibration import Calibrator
 from shsa_core.monitoring.settings import (
     DRIFT_S,
     ERRORS,
+    ERROR_S,
     FEWEST_ERRORS,
     GAIN_STEP,
     GUARD_S,
@@ -87,7 +88,7 @@ def test_the_error_is_that_of_what_would_have_been_published() -> None:
 
 def test_nothing_is_told_before_enough_is_known() -> None:
     stream = Stream()
-    stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS - 2.0)
+    stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS * ERROR_S - 2.0)
     assert stream.found == UNCALIBRATED
     stream.run(4.0)
     assert stream.found.error is not None

@@ -34,6 +34,7 @@ from shsa_core.monitoring.machine import Monitor
 from shsa_core.search.derivation import Derivation
 
 PERIOD = 0.2
+JUDGED_S = settings.FUSED * settings.ERROR_S
 ONTOLOGY = """
 properties: {speed: {}, load: {}, power: {}}
 relations:
@@ -106,9 +107,9 @@ def test_independent_errors_are_fused_and_the_gain_is_that_of_what_came_after(
     ontology: Ontology,
 ) -> None:
     robot = Watched(ontology, 0.0)
-    robot.run(settings.FUSED + 60.0)
+    robot.run(JUDGED_S + 60.0)
     assert robot.fused is None, "it has not been judged yet"
-    robot.run(settings.FUSED + 60.0)
+    robot.run(JUDGED_S + 60.0)
     program = robot.fused
     assert program is not None and set(program.inputs) == {"/speed/data", "/power/data"}
     (said,) = robot.said
@@ -127,13 +128,13 @@ def test_errors_of_one_cause_are_not_averaged_as_if_they_were_independent(
     ontology: Ontology,
 ) -> None:
     robot = Watched(ontology, 0.097)
-    robot.run(3.0 * settings.FUSED)
+    robot.run(3.0 * JUDGED_S)
     assert len(robot.rows) == 2 and robot.fused is None and robot.said == []
 
 
 def test_what_proves_no_better_any_more_is_given_up(ontology: Ontology) -> None:
     robot = Watched(ontology, 0.0)
-    robot.run(2.0 * settings.FUSED + 120.0)
+    robot.run(2.0 * JUDGED_S + 120.0)
     assert robot.fused is not None
     robot.run(120.0, second=0.6)
     assert robot.fused is None and len(robot.rows) == 2
@@ -141,7 +142,7 @@ def test_what_proves_no_better_any_more_is_given_up(ontology: Ontology) -> None:
 
 def test_what_reads_a_lost_input_is_given_up(ontology: Ontology) -> None:
     robot = Watched(ontology, 0.0)
-    robot.run(2.0 * settings.FUSED + 120.0)
+    robot.run(2.0 * JUDGED_S + 120.0)
     robot.hear(Disconnected(robot.now, "/power", "/power_node"))
     robot.run(20.0, lost="power")
     assert robot.fused is None
@@ -158,7 +159,7 @@ def errors_of(columns: List[List[float]]) -> List[Dict[float, float]]:
 def test_shares_are_those_of_what_errs_apart(correlation: float, worth: float, fuses: bool) -> None:
     random = Random(3)
     columns: List[List[float]] = [[], []]
-    for _ in range(300):
+    for _ in range(2 * settings.FUSED):
         cause = random.gauss(0.0, sqrt(correlation))
         for column, size in zip(columns, (1.0, worth)):
             column.append(size * (cause + random.gauss(0.0, sqrt(1.0 - correlation))))
@@ -169,7 +170,7 @@ def test_shares_are_those_of_what_errs_apart(correlation: float, worth: float, f
 
 def test_three_are_fused_and_what_was_not_measured_together_is_not() -> None:
     random = Random(4)
-    columns = [[random.gauss(0.0, 1.0) for _ in range(300)] for _ in range(4)]
+    columns = [[random.gauss(0.0, 1.0) for _ in range(2 * settings.FUSED)] for _ in range(4)]
     found = shares(errors_of(columns))
     assert len(found) == 3 and all(0.2 < share < 0.5 for share in found.values())
     apart = [{t + 1000.0 * i: e for t, e in c.items()} for i, c in enumerate(errors_of(columns))]
@@ -218,7 +219,7 @@ def test_code_that_is_no_fusion_is_not_read_as_one(code: str) -> None:
 
 
 def told(robot: Robot, time: float, program: Program, rms: float) -> None:
-    row = CalibrationRow("u", program, (Calibration(error=Error(rms, n=100)),))
+    row = CalibrationRow("u", program, (Calibration(error=Error(rms, n=200)),))
     robot.handle(events.CalibrationsHeard(time, (row,)))
     robot.idle(time)
 
@@ -233,7 +234,7 @@ def test_a_proven_fusion_is_what_takes_over_and_a_lost_input_falls_back_to_the_r
     assert robot.core.explain("u").relations == ("fusion 60:40", "ux", "uy")
     robot.heal(10.0, "/u", "/u_node")
     (row,) = robot.working()
-    assert row.code == fused_program().code and row.outputs[0].error == Error(0.1, n=100)
+    assert row.code == fused_program().code and row.outputs[0].error == Error(0.1, n=200)
     robot.row("/x", X, "failed", 20.0)
     robot.table(20.0)
     (row,) = robot.working()

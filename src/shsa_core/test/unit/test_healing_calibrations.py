@@ -28,8 +28,8 @@ from shsa_core.ros.wire.healing import calibrations_heard
 from shsa_core.ros.wire.healing import calibration_key, calibration_row
 from shsa_core.search.derivation import SourceTable
 
-FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=200))
-LATER = Calibration(1.4, 0.9, Error(0.2, 0.01, 0.4, n=300))
+FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=500))
+LATER = Calibration(1.4, 0.9, Error(0.2, 0.01, 0.4, n=600))
 
 
 def program_of_best() -> Program:
@@ -150,7 +150,7 @@ def pair(*outputs: Provision) -> Robot:
     return Robot(som, Ontology(properties, {}, functions))
 
 
-def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 100) -> Program:
+def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 200) -> Program:
     """The monitor tells by what the best plan without a node errs; returns its program."""
     program = program_of(robot, without)
     row = CalibrationRow("p", program, tuple(calibration(rms, n) for rms in errors))
@@ -159,7 +159,7 @@ def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 1
     return program
 
 
-def calibration(rms: float, n: int = 100) -> Calibration:
+def calibration(rms: float, n: int = 200) -> Calibration:
     return Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n))
 
 
@@ -190,7 +190,7 @@ def test_what_was_measured_decides_value_by_value_and_its_calibrations_come_alon
 def test_small_changes_and_few_samples_change_no_plan() -> None:
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
-    measured(robot, 6.0, X, 0.3, 0.4, n=10)
+    measured(robot, 6.0, X, 0.3, 0.4, n=100)
     assert chosen(robot) == ("ux", "vx")
     measured(robot, 7.0, X, 0.45, 0.4)
     assert chosen(robot) == ("ux", "vx"), "that is not clear"
@@ -292,7 +292,7 @@ def test_what_is_calibrated_no_more_is_forgotten() -> None:
 def test_a_monitor_that_starts_anew_does_not_undo_what_was_learned() -> None:
     robot = Robot()
     told(robot, 5.0)
-    told(robot, 8.0, replace(LATER, error=Error(0.2, n=10)))
+    told(robot, 8.0, replace(LATER, error=Error(0.2, n=100)))
     told(robot, 9.0, UNCALIBRATED)
     robot.fail("/a", A, 10.0)
     assert calibrated(robot) == (1.2, 0.5)

@@ -137,7 +137,7 @@ def test_explain_says_why_values_are_fused_or_not(
     for number, derivation in enumerate(told):
         program = generate([(derivation, "/odom/y")], ontology.constants)
         rms = 0.3 - 0.1 * number
-        error = Calibration(error=Error(rms, p95=2.0 * rms, n=100))
+        error = Calibration(error=Error(rms, p95=2.0 * rms, n=200))
         heard.add(CalibrationRow("odom", program, (error,)), healing=False)
     monkeypatch.setattr(find, "_measured", lambda namespace: heard)
     text = shsa("find", "y", "--explain", "--live")

@@ -69,16 +69,16 @@ class Calibrator:
         """
         if len(self._errors) < settings.FEWEST_ERRORS:
             return UNCALIBRATED
-        calibrated = _error([each for _, each, _ in self._errors])
-        plain = _error([each for *_, each in self._errors])
-        if calibrated.rms < plain.rms and not self._whole:
-            return Calibration(*self._applied, calibrated)
-        return Calibration(error=plain)
+        calibrated = [each for _, each, _ in self._errors]
+        plain = [each for *_, each in self._errors]
+        if _rms(calibrated) < _rms(plain) and not self._whole:
+            return Calibration(*self._applied, _error(calibrated))
+        return Calibration(error=_error(plain))
 
     @property
     def errors(self) -> Dict[float, float]:
-        """Return by what it erred lately, by the second."""
-        return {second: error for second, error, _ in self._errors}
+        """Return by what it erred lately, by the number of the turn."""
+        return {turn: error for turn, error, _ in self._errors}
 
     def aged(self, time: float) -> float:
         """Return the variance that has come since it was learned."""
@@ -139,17 +139,17 @@ class Calibrator:
     def _is_as_stated(self) -> bool:
         """The relation is about as good as it is known to be: what is learned may be a drift."""
         plain = [each for *_, each in self._errors]
-        return bool(plain) and _error(plain).rms <= settings.AS_STATED * self._stated
+        return bool(plain) and _rms(plain) <= settings.AS_STATED * self._stated
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
         known = self._shift.seen >= settings.GUARD_S
-        second = time // settings.SAMPLE_COUNTS_S  # the same for all, to be compared
-        if known and second != self._noted:
-            self._noted = second
+        turn = time // settings.ERROR_S  # the same for all
+        if known and turn != self._noted:
+            self._noted = turn
             gain, offset = self._applied
             plain = -remainder(residual, tau) if self._angle else -residual
-            self._errors.append((second, (gain - 1.0) * derived + offset - residual, plain))
+            self._errors.append((turn, (gain - 1.0) * derived + offset - residual, plain))
 
     @property
     def _step(self) -> float:
@@ -157,7 +157,7 @@ class Calibrator:
         if self._shift.settled:
             return self._shift.step
         late = [each for _, each, _ in self._errors][len(self._errors) // 2 :]
-        return max(self._stated, _error(late or [0.0]).rms)
+        return max(self._stated, _rms(late or [0.0]))
 
 
 class _Slope:
@@ -217,9 +217,12 @@ class _Limited:
             self.value += min(max(wanted - self.value, -most), most)
 
 
+def _rms(values: List[float]) -> float:
+    return sqrt(sum(value * value for value in values) / len(values))
+
+
 def _error(values: List[float]) -> Error:
     """The error that samples of it tell."""
     count = len(values)
     sizes = sorted(abs(value) for value in values)
-    rms = sqrt(sum(value * value for value in values) / count)
-    return Error(rms, sum(values) / count, sizes[ceil(0.95 * count) - 1], n=count, source=SOURCE)
+    return Error(_rms(values), sum(values) / count, sizes[ceil(0.95 * count) - 1], n=count, source=SOURCE)

@@ -7,7 +7,7 @@ what came after.
 """
 from dataclasses import dataclass, replace
 from math import inf, sqrt
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 
 from shsa_core.codegen.fusion import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
@@ -20,7 +20,7 @@ from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
 from shsa_core.search.derivation import Derivation, Rated, rate_joint
 
 Errors = Mapping[float, float]
-"""By what a value erred, by the second."""
+"""By what a value erred, by the number of the turn."""
 
 
 class Part(NamedTuple):

@@ -108,7 +108,7 @@ BRIDGES_APART = 2.0
 SAMPLE_S = 0.2
 """Between two comparisons, and two counts of slow nodes: those in between tell nothing new."""
 SAMPLE_COUNTS_S = 1.0
-"""A sample tells of the time since the one before, up to this; errors are noted so far apart."""
+"""A sample tells of the time since the one before, up to this."""
 MEMORY_S = 200.0
 """Samples that are older count less than 1/e."""
 LARGEST = 1e100
@@ -131,7 +131,9 @@ AS_STATED = 1.5
 """Times the stated error: a relation that has no more is not calibrated before it settles."""
 SAME_PULL = 0.5
 """Two derivations are pulled the same way by a sensor that drifts: one at least half as much."""
-ERRORS, FEWEST_ERRORS = 300, 5
+ERROR_S = 0.4
+"""Between two errors that are noted: most is due to short transients, which fewer would miss."""
+ERRORS, FEWEST_ERRORS = 750, 12
 """An error is that of so many samples at most, and not known before there were a few."""
 
 # Which plans are calibrated, and what is told of them.
@@ -150,8 +152,8 @@ TOLD_SHARE = 0.1
 """A calibration is told anew if it moves its values by this share of their rms error."""
 
 # Fusion.
-FUSED = 120
-"""Errors at the same moments by which shares are found, and so many later ones that judge them."""
+FUSED = 300
+"""Errors at the same moments, 120 s, by which shares are found, and so many later ones that judge them."""
 FUSED_GAIN = 0.95
 """A fusion must err no more than this times the best of its parts."""
 SHRINKAGE, LEAST_SHARE = 0.9, 0.1

@@ -69,7 +69,7 @@ class _Witness:
         """
         error, seen = self.followed.outputs[0].calibration.error, self.seen
         enough = (
-            error is not None and (error.n or 0) * settings.SAMPLE_COUNTS_S >= settings.SETTLING_S
+            error is not None and (error.n or 0) * settings.ERROR_S >= settings.SETTLING_S
         )
         if error is not None and enough and (not seen or seen[-1][1] is not error):
             seen.append((time, error))

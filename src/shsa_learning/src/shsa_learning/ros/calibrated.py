@@ -4,7 +4,7 @@ from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.planner import Calibrations
-from shsa_core.ros import names
+from shsa_core.ros.wire import names
 from shsa_core.ros.wire.healing import calibrations_heard
 
 PATIENCE_S = 5.0
