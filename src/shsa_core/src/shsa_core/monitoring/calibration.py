@@ -223,6 +223,6 @@ def _rms(values: List[float]) -> float:
 
 def _error(values: List[float]) -> Error:
     """The error that samples of it tell."""
-    count = len(values)
-    sizes = sorted(abs(value) for value in values)
-    return Error(_rms(values), sum(values) / count, sizes[ceil(0.95 * count) - 1], n=count, source=SOURCE)
+    count, sizes = len(values), sorted(map(abs, values))
+    p95 = sizes[ceil(0.95 * count) - 1]
+    return Error(_rms(values), sum(values) / count, p95, n=count, source=SOURCE)

@@ -153,7 +153,7 @@ TOLD_SHARE = 0.1
 
 # Fusion.
 FUSED = 300
-"""Errors at the same moments, 120 s, by which shares are found, and so many later ones that judge them."""
+"""Errors at the same moments, of 120 s, tell shares; and so many later ones judge them."""
 FUSED_GAIN = 0.95
 """A fusion must err no more than this times the best of its parts."""
 SHRINKAGE, LEAST_SHARE = 0.9, 0.1
