@@ -190,7 +190,7 @@ def test_what_was_measured_decides_value_by_value_and_its_calibrations_come_alon
 def test_small_changes_and_few_samples_change_no_plan() -> None:
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
-    measured(robot, 6.0, X, 0.3, 0.4, n=100)
+    measured(robot, 6.0, X, 0.3, 0.4, n=50)
     assert chosen(robot) == ("ux", "vx")
     measured(robot, 7.0, X, 0.45, 0.4)
     assert chosen(robot) == ("ux", "vx"), "that is not clear"
@@ -292,7 +292,7 @@ def test_what_is_calibrated_no_more_is_forgotten() -> None:
 def test_a_monitor_that_starts_anew_does_not_undo_what_was_learned() -> None:
     robot = Robot()
     told(robot, 5.0)
-    told(robot, 8.0, replace(LATER, error=Error(0.2, n=100)))
+    told(robot, 8.0, replace(LATER, error=Error(0.2, n=50)))
     told(robot, 9.0, UNCALIBRATED)
     robot.fail("/a", A, 10.0)
     assert calibrated(robot) == (1.2, 0.5)

@@ -132,8 +132,12 @@ class Calibrator:
         shift = self._mean_residual + self._gain.value * (self._at - self._mean_derived)
         if not self._shift.settled and self._is_as_stated:
             shift = 0.0
+        learned = self._shift.settled
         self._shift.follow(shift, passed, passed, self._step, self.confirmed)
         self.pull = shift - self._shift.value
+        if self._shift.settled and not learned:  # by what it erred while it learned is left out
+            for _ in range(len(self._errors) // 2):
+                self._errors.popleft()
 
     @property
     def _is_as_stated(self) -> bool:
