@@ -78,12 +78,20 @@ def test_twenty_seconds_help_already() -> None:
 
 def test_the_error_is_that_of_what_would_have_been_published() -> None:
     stream = Stream()
-    stream.run(SETTLING_S + ERRORS + GUARD_S + 10.0)
+    stream.run(SETTLING_S + ERRORS * ERROR_S + GUARD_S + 10.0)
     error = stream.found.error
     assert error is not None and error.n == ERRORS
     assert error.rms == pytest.approx(NOISE, rel=0.1)
     assert abs(error.bias) < 3.0 * NOISE / sqrt(ERRORS)
     assert error.p95 == pytest.approx(1.96 * NOISE, rel=0.15)
+
+
+def test_by_what_it_erred_while_it_learned_is_not_its_error() -> None:
+    stream = Stream(1.4, 0.0, 0.01)
+    stream.run(20.0, standing)
+    stream.run(SETTLING_S)
+    error = stream.found.error
+    assert error is not None and error.rms < 0.15
 
 
 def test_nothing_is_told_before_enough_is_known() -> None:
