@@ -227,6 +227,6 @@ def _rms(values: List[float]) -> float:
 
 def _error(values: List[float]) -> Error:
     """The error that samples of it tell."""
-    count, sizes = len(values), sorted(map(abs, values))
+    count, sizes = len(values), sorted(abs(value) for value in values)
     p95 = sizes[ceil(0.95 * count) - 1]
     return Error(_rms(values), sum(values) / count, p95, n=count, source=SOURCE)
