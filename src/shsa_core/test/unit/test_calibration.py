@@ -12,14 +12,16 @@ from shsa_core.monitoring.calibration import Calibrator
 from shsa_core.monitoring.settings import (
     DRIFT_S,
     ERRORS,
-    ERROR_S,
+    ERRORS_APART,
     FEWEST_ERRORS,
     GAIN_STEP,
     GUARD_S,
+    SAMPLE_S,
     SETTLING_S,
 )
 
 PERIOD = 0.1
+ERROR_S = ERRORS_APART * SAMPLE_S
 NOISE = 0.3
 
 Signal = Callable[[float], float]

@@ -34,7 +34,7 @@ from shsa_core.monitoring.machine import Monitor
 from shsa_core.search.derivation import Derivation
 
 PERIOD = 0.2
-JUDGED_S = settings.FUSED * settings.ERROR_S
+JUDGED_S = settings.FUSED * settings.ERRORS_APART * settings.SAMPLE_S
 ONTOLOGY = """
 properties: {speed: {}, load: {}, power: {}}
 relations:

@@ -148,7 +148,7 @@ class Calibrator:
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
         known = self._shift.seen >= settings.GUARD_S
-        turn = time // settings.ERROR_S  # the same for all
+        turn = time // (settings.ERRORS_APART * settings.SAMPLE_S)  # the same for all
         if known and turn != self._noted:
             self._noted = turn
             gain, offset = self._applied

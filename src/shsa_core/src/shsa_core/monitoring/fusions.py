@@ -21,6 +21,7 @@ from shsa_core.search.derivation import Derivation, Rated, rate_joint
 
 Errors = Mapping[float, float]
 """By what a value erred, by the number of the turn."""
+SMALLEST = 1e-300
 
 
 class Part(NamedTuple):
@@ -44,14 +45,19 @@ class _Fused:
     proven: bool = False
 
     @property
-    def ratio(self) -> float:
-        """Return by how much it errs, compared with the best of its parts; 0: too early."""
+    def ratios(self) -> List[float]:
+        """Return by how much it errs, compared with the best of its parts: in all, and in parts of
+        the time, as some errors are rare and large; nothing: it is too early.
+        """
         own = Part(self.parts[0].derivation, self.followed.outputs[0])
         columns = [part.errors for part in (own, *self.parts)]
         common = [time for time in columns[0] if all(time in column for column in columns)]
-        mine, *others = (_rms([column[time] for time in common]) for column in columns)
-        best = min(others)
-        return mine / best if len(common) >= settings.FUSED and best else 0.0
+        if len(common) < settings.FUSED:
+            return []
+        step = -(-len(common) // settings.FUSED_BLOCKS)
+        blocks = [common, *(common[i : i + step] for i in range(0, len(common), step))]
+        errors = [[_rms(column[time] for time in block) for column in columns] for block in blocks]
+        return [own / max(min(others), SMALLEST) for own, *others in errors]
 
 
 class Fusions:
@@ -75,9 +81,10 @@ class Fusions:
             if known is None or known.followed not in self._derivations.plans(service.name):
                 self._fused.pop(key, None)
                 continue
-            ratio, most = known.ratio, 1.0 if known.proven else settings.FUSED_GAIN
+            ratio, *blocks = known.ratios or [0.0]
+            most = 1.0 if known.proven else settings.FUSED_GAIN
             there = set(known.parts) <= set(self._parts(source)) and known.followed.is_followed
-            if ratio > most or not there:
+            if ratio > most or max(blocks, default=0.0) > 1.0 or not there:
                 gone.append(self._fused.pop(key).followed)
                 self._derivations.give_up(known.followed)
             elif ratio and not known.proven:

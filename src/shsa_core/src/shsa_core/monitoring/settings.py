@@ -131,8 +131,8 @@ AS_STATED = 1.5
 """Times the stated error: a relation that has no more is not calibrated before it settles."""
 SAME_PULL = 0.5
 """Two derivations are pulled the same way by a sensor that drifts: one at least half as much."""
-ERROR_S = 0.4
-"""Between two errors that are noted: most is due to short transients, which fewer would miss."""
+ERRORS_APART = 2
+"""Samples, SAMPLE_S each, between two errors that are noted: fewer would miss short transients."""
 ERRORS, FEWEST_ERRORS = 750, 12
 """An error is that of so many samples at most, and not known before there were a few."""
 
@@ -156,6 +156,8 @@ FUSED = 300
 """Errors at the same moments, of 120 s, tell shares; and so many later ones judge them."""
 FUSED_GAIN = 0.95
 """A fusion must err no more than this times the best of its parts."""
+FUSED_BLOCKS = 5
+"""Of the time in which it is judged: in each it must be no worse than the best part."""
 SHRINKAGE, LEAST_SHARE = 0.9, 0.1
 """So much of the covariance of two errors counts, as few tell it; and the smallest share."""
 
