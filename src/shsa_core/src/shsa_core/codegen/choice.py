@@ -19,7 +19,7 @@ MOST = 64
 """The most derivations of a property that are compared."""
 MOST_PARTS = 256
 """The most parts that they may have together: healing waits for the answer."""
-MARGIN = 0.2
+MARGIN = 0.1
 """By this share an error that was measured must be smaller than another one to come before it."""
 KNOWN, UNKNOWN = range(2)
 """A known error comes before one that is not."""

@@ -2,7 +2,6 @@
 from dataclasses import replace
 from typing import Any, Collection, Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.choice import MARGIN
 from shsa_core.codegen.fusion import fusions_of
 from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, plan_service, safe_values
@@ -11,7 +10,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.plan_table import PlanTable
-from shsa_core.healing.settings import ENOUGH, RECALLED, STEPS, Settings
+from shsa_core.healing.settings import CHANGED, ENOUGH, RECALLED, STEPS, Settings
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -74,7 +73,7 @@ class Calibrations:
             if error is None or (error.n or 0) < ENOUGH:
                 continue
             former = measured.get(way)
-            if former is None or abs(error.rms - former.rms) > MARGIN * former.rms:
+            if former is None or abs(error.rms - former.rms) > CHANGED * former.rms:
                 measured[way] = error
                 self.replan.add(row.service)
 
@@ -115,7 +114,7 @@ def _clearly_less(found: Calibrated, than: Calibrated) -> bool:
     """Tell that no value errs more, and one clearly less, by what the monitor tells."""
     errors = [(one.error, other.error) for one, other in zip(found, than)]
     known = [(one.rms, other.rms) for one, other in errors if one and other]
-    less = any(one < (1.0 - MARGIN) * other for one, other in known)
+    less = any(one < (1.0 - CHANGED) * other for one, other in known)
     return less and len(known) == len(than) and all(one <= other for one, other in known)
 
 

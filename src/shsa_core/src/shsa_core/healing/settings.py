@@ -78,4 +78,5 @@ CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
 STEPS = 10_000  # functions that are looked at while something has failed
 RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
 LOOKED_AT = 4  # plans that may err less than one that another derivation contradicts
+CHANGED = 0.2  # by this share an error is another one: plans are not to change all the time
 ENOUGH = 100  # samples, 40 s, until a new monitor knows more of a calibration than the one before
