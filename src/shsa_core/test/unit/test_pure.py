@@ -20,6 +20,7 @@ ORDER = [
     ("search",),
     ("codegen",),
     ("journal",),
+    ("derivations",),
     ("monitoring", "substitution"),
     ("gating",),
     ("healing",),
@@ -39,7 +40,7 @@ LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in 
 # The running nodes' cores read no file.
 CORES = ("monitoring", "substitution", "gating", "healing")
 """Connections and messages are the same whoever reads them."""
-NO_FILES = ("search", "codegen", "monitoring", "substitution", "gating", "healing")
+NO_FILES = ("search", "codegen", "derivations", *CORES)
 
 
 def name_of(path: pathlib.Path) -> str:
@@ -153,7 +154,7 @@ def test_the_package_needs_none_of_the_others_and_no_library_for_learning() -> N
 
 
 @pytest.mark.parametrize(
-    "part", ["healing", "search", "codegen", "monitoring", "substitution", "gating"]
+    "part", ["healing", "search", "codegen", "derivations", "monitoring", "substitution", "gating"]
 )
 def test_what_runs_on_the_robot_loads_no_library_for_drawing_or_analysing(part: str) -> None:
     names = [name for name in MODULES if name.startswith(f"shsa_core.{part}")]

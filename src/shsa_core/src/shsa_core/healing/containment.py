@@ -5,9 +5,9 @@ from typing import List, Optional, Sequence, Set, Tuple
 from shsa_core.healing.health import HEALTHY, MISSED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import BY_LINK, Contain, Kind, Policy
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSee
 from shsa_core.healing.events import HostSeen, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.settings import ANSWER_S
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
 
 def failure_seen(core: Core, event: FailureSeen) -> List[Command]:

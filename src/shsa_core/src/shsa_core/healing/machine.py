@@ -23,12 +23,12 @@ from shsa_core.healing.records import Counters, RestartedNode
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherState
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
 NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)

@@ -12,12 +12,12 @@ from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.plan_table import PlanTable
 from shsa_core.healing.settings import ENOUGH, RECALLED, STEPS, Settings
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Signal, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
-from shsa_core.monitoring.events import CalibrationRow
 
 Calibrated = Tuple[Calibration, ...]
 

@@ -16,11 +16,11 @@ from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
-from shsa_core.monitoring.events import PublisherState
 from shsa_core.table import Table
 
 

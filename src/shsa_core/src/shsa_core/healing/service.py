@@ -16,14 +16,14 @@ from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
+from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import CHANGEOVER_S, SAME_S
-from shsa_core.healing.process import Processes, Substitute
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 
 Failure = Optional[FailureSeen]

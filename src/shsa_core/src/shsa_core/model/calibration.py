@@ -1,8 +1,9 @@
 """A substitute's calibration: the gain and offset by which its value is that of the lost sensor."""
 from dataclasses import dataclass
-from typing import Optional
+from typing import Optional, Tuple
 
 from shsa_core.model.error import Error
+from shsa_core.model.substitution import Program
 
 
 @dataclass(frozen=True)
@@ -27,3 +28,20 @@ class Calibration:
 
 
 UNCALIBRATED = Calibration()
+
+
+@dataclass(frozen=True)
+class CalibrationRow:
+    """The calibration of a program that would substitute a service, output by output."""
+
+    service: str
+    program: Program
+    calibrations: Tuple[Calibration, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationsChanged:
+    """New and changed calibrations, and those that are followed no more."""
+
+    rows: Tuple[CalibrationRow, ...]
+    removed: Tuple[Tuple[str, Program], ...] = ()

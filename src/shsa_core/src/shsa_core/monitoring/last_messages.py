@@ -4,9 +4,10 @@ from dataclasses import replace
 from math import inf
 from typing import Deque, Dict, Iterable, List, Optional, Tuple
 
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.names import RecentNames
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import HealthChanged, Key, PublisherHealth, PublisherState
+from shsa_core.monitoring.events import HealthChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
 
 

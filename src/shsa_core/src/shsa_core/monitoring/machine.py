@@ -3,6 +3,7 @@ from math import inf
 from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
@@ -10,7 +11,7 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
 from shsa_core.monitoring.board import publishes, topics_of
-from shsa_core.monitoring.events import Command, Event, Key, PublisherHealth
+from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
@@ -251,7 +252,7 @@ class Monitor:
                 self._judge_silence(due)
             else:
                 self._start_up.judge(due)
-        self._judgement.calibrations.tick()
+        self._judgement.tick()
 
     def _judge_silence(self, publisher: Publisher) -> None:
         if self._board.find(*publisher.key) is not publisher:

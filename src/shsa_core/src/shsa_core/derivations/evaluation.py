@@ -17,8 +17,8 @@ from shsa_core.model.growth import Growth
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
-from shsa_core.monitoring import settings
-from shsa_core.monitoring.calibration import Calibrator
+from shsa_core.derivations import settings
+from shsa_core.derivations.calibrator import Calibrator
 
 
 @dataclass
