@@ -23,6 +23,7 @@ ORDER = [
     ("derivations",),
     ("monitoring", "substitution"),
     ("gating",),
+    ("planning",),
     ("healing",),
     ("analysis",),
     ("cli",),
@@ -40,7 +41,7 @@ LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in 
 # The running nodes' cores read no file.
 CORES = ("monitoring", "substitution", "gating", "healing")
 """Connections and messages are the same whoever reads them."""
-NO_FILES = ("search", "codegen", "derivations", *CORES)
+NO_FILES = ("search", "codegen", "derivations", "planning", *CORES)
 
 
 def name_of(path: pathlib.Path) -> str:

@@ -150,7 +150,7 @@ class Stakes:
         self, failed: Service, node: str, published: List[Tuple[Service, PublisherHealth]]
     ) -> Set[str]:
         """Return the needed topics that would be lost with a node."""
-        others = {*self._health.dying, *self._health.excluded} - {node}
+        others = self._health.doomed - {node}
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:

@@ -58,6 +58,11 @@ class Health:
         row = self.row(key)
         return row is not None and row.state is HEALTHY
 
+    @property
+    def doomed(self) -> Set[str]:
+        """The nodes that are being killed, or were and have not been well since."""
+        return {*self.excluded, *self.dying}
+
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""
         return tuple(

@@ -19,6 +19,7 @@ from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
+from shsa_core.planning.placement import HostLoad
 
 
 def failure_seen(core: Core, event: FailureSeen) -> List[Command]:
@@ -175,7 +176,9 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     if host and host not in robot.som.hosts:
         return []
     heard, lost = computers.of(host).word.time, bool(computers.lost(host))
-    back = computers.seen(event)
+    back = computers.seen(
+        host, HostLoad(event.time, event.load, event.cores, event.sent, event.received)
+    )
     commands: List[Command] = []
     if lost:
         commands.append(Log(Level.INFO, f"{host} is back."))
@@ -204,7 +207,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
     robot, processes = core.robot, core.processes
     host = robot.computers.name(event.host)
     heard = robot.computers.of(host).word.time
-    if host not in robot.som.hosts or not robot.computers.lose(event):
+    if host not in robot.som.hosts or not robot.computers.lose(host, event.time, event.detail):
         return []
     why = f"{host} is lost: {event.detail.rstrip('.')}"
     commands: List[Command] = [Log(Level.WARN, f"{why}.")]

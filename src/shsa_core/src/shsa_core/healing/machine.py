@@ -187,7 +187,9 @@ class Reconfigurator:
     def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
         """Return what would be done if the node of a service failed. Raises ShsaError."""
         excluded = [self.robot.som.known_name(each, self._namespace) for each in without]
-        plan = self.robot.planner.explain(self.find(name), excluded, method)
+        service = self.find(name)
+        excluded += self.robot.gone_with(service)
+        plan = self.robot.planner.explain(service, excluded, method)
         return replace(plan, errors=self.robot.planner.errors(plan))
 
     # Services come and go.

@@ -2,14 +2,13 @@
 from math import inf
 from typing import Container, Counter, Dict, List, Optional, Set
 
-from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.placement import Computers
-from shsa_core.healing.planner import Planner
 from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, PAUSE_S, START_S, Settings
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
+from shsa_core.planning.placement import Computers
+from shsa_core.planning.planner import Planner
 
 
 class Pool:
@@ -92,12 +91,10 @@ class Pool:
 
     def died(self, time: float, node: str) -> None:
         """Note that an idle process has ended by itself; the next pause is longer each time."""
-        idle, settings = self._remove(node), self._settings
+        idle = self._remove(node)
         early = time - idle.started <= LONGEST_START_S
         self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
-        longest = max(settings.retry, settings.retry_limit)
-        pause = doubled(settings.retry, max(0, deaths - 1), longest)
-        self._refill_at[idle.host] = time + pause
+        self._refill_at[idle.host] = time + self._settings.paused(max(0, deaths - 1))
 
     def drop(self, node: str) -> None:
         """Note that an idle process is ended: another one is due at once where it is wanted."""

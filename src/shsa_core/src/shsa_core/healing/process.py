@@ -10,7 +10,6 @@ from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
-from shsa_core.healing.placement import Place, Placement
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
@@ -21,6 +20,7 @@ from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
+from shsa_core.planning.placement import Place, Placement
 from shsa_core.table import Table
 
 
@@ -320,13 +320,14 @@ class Substitute:
         if plan is not None and self.whole and plan not in self.tried:
             if planner.usable(plan, {faulty}):
                 return plan
-        return planner.plan(service, self.tried, faulty)
+        return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
         tried = self.tried if self.plan is None else self.tried | {self.plan}
+        excluded = self._robot.health.doomed | {faulty}
         try:
-            return self._robot.planner.plan(service, tried, faulty)
+            return self._robot.planner.plan(service, excluded, tried)
         except ShsaError:
             return None
 
@@ -382,7 +383,8 @@ class Substitute:
         """
         robot = self._robot
         try:
-            plan = robot.planner.plans.plan(service.name) or robot.planner.explain(service)
+            ready = robot.planner.plans.plan(service.name)
+            plan = ready or robot.planner.explain(service, robot.gone_with(service))
             if plan == self.plan:
                 return []
             if not self.node and not self._processes.starts.may(robot.time, service.name):

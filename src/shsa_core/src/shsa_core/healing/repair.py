@@ -5,19 +5,18 @@ docs/reference/ros.md shows this table.
 from dataclasses import replace
 from typing import Iterable, List, Optional, Tuple
 
-from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import Accusation
-from shsa_core.healing.placement import NoRoom, Place
-from shsa_core.healing.records import Fate
 from shsa_core.healing.process import standby
+from shsa_core.healing.records import Fate
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
 from shsa_core.healing.settings import LONGEST_START_S
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
+from shsa_core.planning.placement import NoRoom, Place
 
 NOT_MISSED = ShsaError("nothing is missing")
 
@@ -233,7 +232,7 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -274,7 +273,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
         detail=detail,
         missing=none.missing,
         substitute="",
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -300,7 +299,7 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
         detail=text,
         missing=none.missing,
         substitute=service.node,
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -397,8 +396,7 @@ def close(service: ServiceMachine, why: str) -> List[Command]:
 def pause(service: ServiceMachine) -> float:
     """Return how long to wait before the next try, in s."""
     service.pauses += 1
-    settings = service.robot.settings
-    return doubled(settings.retry, service.pauses - 1, settings.retry_limit)
+    return service.robot.settings.paused(service.pauses - 1)
 
 
 _STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)

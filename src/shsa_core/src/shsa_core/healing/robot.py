@@ -1,19 +1,20 @@
 """The rooms that the machines of the reconfigurator share: its knowledge of the robot."""
 from dataclasses import replace
 from math import inf
-from typing import Dict, Iterator, Optional, Tuple
+from typing import Dict, Iterator, List, Optional, Tuple
 
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
-from shsa_core.model.names import Names
-from shsa_core.healing.placement import Computers
-from shsa_core.healing.planner import Calibrations, Indexes, Planner
+from shsa_core.healing.indexes import Indexes
 from shsa_core.healing.records import Record, RestartedNode
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
+from shsa_core.model.names import Names
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.placement import Computers
+from shsa_core.planning.planner import Planner
 from shsa_core.table import Table
 
 
@@ -40,11 +41,11 @@ class Robot:
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)
         self.availability = Availability(self.health)
-        self.computers = Computers(settings, host)
+        self.computers = Computers(host, settings.held_off, settings.stable)
         self.indexes = Indexes()
-        self.calibrations = Calibrations()
-        rooms = self.health, self.availability, self.calibrations
-        self.planner = Planner(ontology, som, settings, *rooms)
+        how = settings.method, settings.deadlines
+        self.planner = Planner(ontology, som, self.availability.services, *how)
+        self.calibrations = self.planner.calibrations
 
     @property
     def restarted(self) -> Tuple[RestartedNode, ...]:
@@ -84,6 +85,11 @@ class Robot:
             return f"{service.host} cannot be reached, and on_partition is wait"
         doubted = self.computers.doubted(self.computers.name(service.host), self.time)
         return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
+
+    def gone_with(self, service: Service) -> List[str]:
+        """Return the nodes that a service is to be planned without."""
+        publishers = (row.publisher for row in self.health.originals(self.som, service))
+        return [service.node, *publishers, *self.health.excluded]
 
     def host_of(self, node: str) -> str:
         """Return the computer that a node runs on; empty: our own, or not known."""

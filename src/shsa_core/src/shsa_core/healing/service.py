@@ -139,6 +139,11 @@ class ServiceMachine:
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
+    def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
+        """Return what an incident shows of the plan that is carried out, or could be."""
+        unavailable = self.robot.availability.unavailable - {self.spec.name}
+        return {"unavailable": tuple(sorted(unavailable)), **self.robot.planner.shown(plan)}
+
     # A publisher fails.
 
     def failed(self, event: FailureSeen) -> List[Command]:

@@ -6,17 +6,27 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Callable, Collection, Dict, Iterable, List, Tuple
 
-from shsa_core.agenda import Agenda, doubled
+from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import HostLost, HostSeen
-from shsa_core.healing.settings import CERTAIN_S, MISSED_S, SETTLE_S, STRAINED, Settings
 from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.settings import CERTAIN_S, MISSED_S, SETTLE_S, STRAINED
 
 OWN = "the reconfigurator's computer"
+
+
+@dataclass(frozen=True)
+class HostLoad:
+    """How many of a computer's `cores` are `busy`, and bytes/s on its network, at a `time` in s."""
+
+    time: float = -inf
+    busy: float = 0.0
+    cores: float = 0.0
+    sent: float = 0.0
+    received: float = 0.0
 
 
 @dataclass
@@ -26,7 +36,7 @@ class Computer:
     `counts`: since when substitutes may be placed there; `steady`: heard without a gap since.
     """
 
-    word: HostSeen = HostSeen(-inf, "", 0.0, 0.0)
+    word: HostLoad = HostLoad()
     counts: float = -inf
     steady: float = -inf
     detail: str = ""  # why it is lost; empty: it is there
@@ -42,13 +52,15 @@ class Computers:
 
     One that comes back counts for placement after a hold-off, which doubles while it is lost again
     and again: a link that drops every few seconds moves nothing. `own`: the name in the SOM of the
-    reconfigurator's computer, which is always there, and is "" here. `settling`: those that
-    count for placement soon.
+    reconfigurator's computer, which is always there, and is "" here. `hold_off`: in s, after so
+    many losses before; `calm`: s after which they are forgotten. `settling`: those that count for
+    placement soon.
     """
 
-    def __init__(self, settings: Settings, own: str = "") -> None:
-        self._settings = settings
-        self._own = own
+    def __init__(
+        self, own: str = "", hold_off: Callable[[int], float] = float, calm: float = inf
+    ) -> None:
+        self._own, self._hold_off, self._calm = own, hold_off, calm
         self._known: Dict[str, Computer] = {}
         self.settling: Agenda[str] = Agenda()
 
@@ -94,38 +106,37 @@ class Computers:
     def strained(self, host: str) -> bool:
         """Tell that a computer has too much to do, by what it has told last."""
         word = self.of(host).word
-        return word.load >= STRAINED * word.cores > 0.0
+        return word.busy >= STRAINED * word.cores > 0.0
 
-    def seen(self, event: HostSeen) -> bool:
+    def seen(self, host: str, word: HostLoad) -> bool:
         """Note that a computer is there. Returns that it was not before, or was cut off."""
-        host, time = self.name(event.host), event.time
+        host, time = self.name(host), word.time
         computer = self._known.get(host)
         if computer is None:
-            self._known[host] = Computer(event, time, time)
+            self._known[host] = Computer(word, time, time)
             self.settling.set(host, time + SETTLE_S)
             return True
         back = bool(computer.detail)
         if back:
-            pause, longest = self._settings.hold_off, self._settings.longest_hold_off
-            computer.counts = time + doubled(pause, computer.losses - 1, longest)
+            computer.counts = time + self._hold_off(computer.losses - 1)
             self.settling.set(host, max(computer.counts, time + SETTLE_S))
         back = back or time - computer.word.time > MISSED_S
-        computer.word, computer.detail = event, ""
+        computer.word, computer.detail = word, ""
         if back:
             computer.steady = time
         return back
 
-    def lose(self, event: HostLost) -> bool:
+    def lose(self, host: str, time: float, why: str) -> bool:
         """Note that a computer is not heard any more. Returns that this is new."""
-        host = self.name(event.host)
+        host = self.name(host)
         if host == "":
             return False
-        computer = self._known.setdefault(host, replace(UNKNOWN, steady=event.time))
+        computer = self._known.setdefault(host, replace(UNKNOWN, steady=time))
         if computer.detail:
             return False
-        calm = event.time - computer.steady > self._settings.stable
+        calm = time - computer.steady > self._calm
         computer.losses = 1 if calm else computer.losses + 1
-        computer.detail = event.detail or "nothing is heard of it"
+        computer.detail = why or "nothing is heard of it"
         self.settling.set(host, None)
         return True
 
@@ -267,7 +278,7 @@ class Placement:
     def _busy(self, host: str) -> float:
         """Return the share of a computer's cores that is busy; 0: not known."""
         cores = self._limits(host).cores
-        return 0.0 if cores is None else self._computers.of(host).word.load / cores
+        return 0.0 if cores is None else self._computers.of(host).word.busy / cores
 
     def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
         """Return why a substitute does not fit; empty: it does, or nothing is known against it."""
@@ -277,7 +288,7 @@ class Placement:
         lately = list(self._lately(host, word.time))
         cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)
         for what, limit, busy, more, needed in (
-            ("cores", limits.cores, word.load, cores, takes.cores),
+            ("cores", limits.cores, word.busy, cores, takes.cores),
             ("bytes/s", limits.link, word.sent + word.received, link, takes.link),
         ):
             total = busy + more + needed

@@ -1,0 +1,1 @@
+"""What would take a service over, and where: asked by healing, and by `shsa check`."""
