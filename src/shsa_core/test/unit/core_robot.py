@@ -52,7 +52,7 @@ class Robot:
         host: str = "",
         **settings: Union[int, float],
     ) -> None:
-        values: Dict[str, Any] = {"hold_off": 2.0, "start_timeout": 5.0, "pool": 1, **settings}
+        values: Dict[str, Any] = {"hold_off": 2.0, "pool": 1, **settings}
         self.core = Reconfigurator(ontology, som, Settings(**values), host=host)
         self.som = som
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}

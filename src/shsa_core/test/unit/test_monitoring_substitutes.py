@@ -7,8 +7,8 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service
 
 from shsa_core.model.log import Log
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
-from shsa_core.monitoring.settings import CHANGEOVER_S
 
 
 @pytest.fixture

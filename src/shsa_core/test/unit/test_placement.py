@@ -12,7 +12,7 @@ from shsa_core.model.host import Host
 from shsa_core.model.host import Placement as Wanted
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.planning.placement import HERE, Computers, HostLoad, Place, Placement
+from shsa_core.planning.placement import HERE, Computers, Place, Placement
 from shsa_core.planning.settings import SETTLE_S
 from shsa_core.search.derivation import SourceTable
 
@@ -24,9 +24,7 @@ def placed(
     a: Optional[Service] = None,
     b: str = PI,
     hosts: Tuple[Host, ...] = HOSTS,
-    seen: Iterable[Tuple[str, HostLoad]] = tuple(
-        (each.name, HostLoad(0.0, 0.5, 4.0)) for each in HOSTS
-    ),
+    seen: Iterable[Tuple[Any, ...]] = tuple((0.0, each.name, 0.5, 4.0) for each in HOSTS),
     lately: Dict[str, List[Cost]] = {},
     idle: Tuple[str, ...] = (),
     own: str = "",
@@ -76,7 +74,7 @@ def test_what_has_no_inputs_on_a_known_computer_runs_on_our_own() -> None:
 
 
 def test_of_equally_near_computers_the_least_loaded_is_taken() -> None:
-    seen = tuple((n, HostLoad(0.0, b, 4.0)) for n, b in ((PI, 3.0), (BOARD, 1.0), (BOOK, 2.0)))
+    seen = tuple((0.0, n, b, 4.0) for n, b in ((PI, 3.0), (BOARD, 1.0), (BOOK, 2.0)))
     wanted, hosts = wanting(forbid=(PI, "own")), (*HOSTS, Host("own"))
     assert placed(wanted, hosts=hosts, own="own", seen=seen).host == BOARD
 
@@ -93,7 +91,7 @@ def test_a_forbidden_computer_is_never_used(prefer: Tuple[str, ...]) -> None:
 
 def test_a_computer_counts_only_while_it_is_heard() -> None:
     assert placed(lost=PI).host == ""
-    assert placed(seen=[(BOARD, HostLoad(0.0, 0.0, 4.0))]).host == ""
+    assert placed(seen=[(0.0, BOARD, 0.0, 4.0)]).host == ""
 
 
 def test_our_own_computer_goes_by_its_name_as_well() -> None:
@@ -116,7 +114,7 @@ def test_a_process_that_stands_by_elsewhere_is_taken_rather_than_one_that_must_s
 
 
 def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
-    busy = [(BOOK, HostLoad(0.0, 4.0, 4.0)), (PI, HostLoad(0.0, 0.0, 4.0))]
+    busy = [(0.0, BOOK, 4.0, 4.0), (0.0, PI, 0.0, 4.0)]
     assert placed(seen=busy, idle=(BOOK,)) == Place(BOOK)
     limited = (Host(PI), Host(BOARD), Host(BOOK, 4.0))
     assert placed(seen=busy, idle=(BOOK,), hosts=limited).host == PI
@@ -127,7 +125,7 @@ def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
     known = Computers()
     placement = Placement(known, lambda *_: [], lambda: som)
     for load in (0.0, 4.0):
-        known.seen(BOARD, HostLoad(load, load, 4.0))
+        known.seen(load, BOARD, load, 4.0)
         assert placement.stands_by(5.0, som.services["a"], placement.inputs(plan(som))) == BOARD
     limited = Som(list(som), (Host(BOARD, 4.0),))
     placement = Placement(known, lambda *_: [], lambda: limited)
@@ -135,7 +133,7 @@ def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
 
 
 def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
-    full = [(PI, HostLoad(0.0, 3.995, 4.0))]
+    full = [(0.0, PI, 3.995, 4.0)]
     place = placed(seen=full)
     assert place.host == ""
     (why,) = place.passed_over
@@ -144,35 +142,35 @@ def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
 
 
 def test_what_was_placed_lately_counts_beside_the_load() -> None:
-    seen = [(PI, HostLoad(0.0, 3.5, 4.0))]
+    seen = [(0.0, PI, 3.5, 4.0)]
     assert placed(seen=seen).host == PI
     place = placed(seen=seen, lately={PI: [Cost(0.3), Cost(0.195)]})
     assert place.host == "" and "3.5 busy + 0.495 placed lately + " in place.passed_over[0]
 
 
 def test_the_som_says_how_many_cores_count_and_else_the_computer_itself() -> None:
-    seen = [(BOARD, HostLoad(0.0, 1.995, 2.0))]
+    seen = [(0.0, BOARD, 1.995, 2.0)]
     assert placed(b=BOARD, seen=seen).host == ""
     few = (Host(BOARD, 1.0),)
-    assert placed(b=BOARD, hosts=few, seen=[(BOARD, HostLoad(0.0, 0.995, 8.0))]).host == ""
-    unknown = [(BOARD, HostLoad(0.0, 50.0, 0.0))]
+    assert placed(b=BOARD, hosts=few, seen=[(0.0, BOARD, 0.995, 8.0)]).host == ""
+    unknown = [(0.0, BOARD, 50.0, 0.0)]
     assert placed(b=BOARD, seen=unknown).host == BOARD
 
 
 def test_who_has_no_link_left_is_passed_over_with_the_sum() -> None:
-    busy = [(PI, HostLoad(0.0, 0.0, 4.0, sent=0.5e6, received=0.499e6))]
+    busy = [(0.0, PI, 0.0, 4.0, 0.999e6)]
     (why,) = placed(seen=busy).passed_over
     assert "pi has no room: 9.99e+05 busy + 3900 for it" in why and "bytes/s of 1e+06" in why
 
 
 def test_where_nothing_fits_is_told_with_every_sum() -> None:
-    full = [("", HostLoad(0.0, 4.0, 4.0)), (PI, HostLoad(0.0, 4.0, 4.0))]
+    full = [(0.0, "", 4.0, 4.0), (0.0, PI, 4.0, 4.0)]
     with pytest.raises(ShsaError, match="no computer can run the substitute: pi has no room: 4 "):
         placed(seen=full, hosts=(*HOSTS, Host("own", 4.0)), own="own")
 
 
 def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
-    busy = [(name, HostLoad(0.0, 2.0, 2.0)) for name in ("", PI, BOARD)]
+    busy = [(0.0, name, 2.0, 2.0) for name in ("", PI, BOARD)]
     place = placed(seen=busy, hosts=(Host(PI, 2.0), Host(BOARD)))
     assert place.host == ""
     assert "pi has no room: 2 busy" in place.words
@@ -182,27 +180,27 @@ def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
 
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
     hosts = Computers("", Settings(hold_off=2.0).held_off, Settings().stable)
-    hosts.seen(PI, HostLoad(0.0, 0.0, 4.0))
+    hosts.seen(0.0, PI, 0.0, 4.0)
     assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(SETTLE_S) == [PI]
     for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
         assert hosts.lose(PI, time - 1.0, "silent")
         assert not hosts.lose(PI, time - 1.0, "silent")
         assert hosts.lost(PI) == "silent" and not hosts.reachable(PI)
-        assert hosts.seen(PI, HostLoad(time, 0.0, 4.0)) and hosts.reachable(PI)
+        assert hosts.seen(time, PI, 0.0, 4.0) and hosts.reachable(PI)
         assert not hosts.counts(PI, time + hold_off - 0.1)
         assert hosts.counts(PI, time + hold_off)
         assert hosts.settling.next() == time + max(hold_off, SETTLE_S)
     assert hosts.lose(PI, 200.0, "silent")
-    hosts.seen(PI, HostLoad(210.0, 0.0, 4.0))
+    hosts.seen(210.0, PI, 0.0, 4.0)
     assert hosts.counts(PI, 212.0)
 
 
 def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     hosts = Computers()
-    assert hosts.seen(PI, HostLoad(0.0, 0.0, 4.0))
-    assert not hosts.seen(PI, HostLoad(1.0, 0.0, 4.0))
+    assert hosts.seen(0.0, PI, 0.0, 4.0)
+    assert not hosts.seen(1.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 0.0
-    assert hosts.seen(PI, HostLoad(3.0, 0.0, 4.0))
+    assert hosts.seen(3.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
 
 

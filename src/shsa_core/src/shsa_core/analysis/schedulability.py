@@ -14,7 +14,7 @@ from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.planning.placement import OWN, Computers, HostLoad, Placement
+from shsa_core.planning.placement import OWN, Computers, Placement
 
 
 def check_placements(
@@ -49,7 +49,7 @@ class _Schedule:
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
         self._hosts = Computers(own)
         for host in som.hosts.values():
-            self._hosts.seen(host.name, HostLoad(0.0, cores=host.cores or 0.0))
+            self._hosts.seen(0.0, host.name, 0.0, host.cores or 0.0)
         self._placed: Dict[str, List[Cost]] = {}
         self._placement = Placement(
             self._hosts, lambda host, _since: self._placed.get(host, []), lambda: som

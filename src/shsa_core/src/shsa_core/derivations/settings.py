@@ -40,8 +40,6 @@ EVALUATIONS_PER_S = 2000.0
 REFRESH_S = 2.0
 """Between two looks at what a program has learned, one takes 60 us, at the gaps of a stream, and at
 which services are there."""
-GAP_PERIODS = 5.0
-"""A program that remembers forgets after a gap of so many periods of its service."""
 TOLD_SHARE = 0.1
 """A calibration is told anew if it moves its values by this share of their rms error."""
 

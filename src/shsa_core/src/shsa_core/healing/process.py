@@ -13,9 +13,8 @@ from shsa_core.healing.events import Command, Log
 from shsa_core.healing.pool import Pool, Starts
 from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, START_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
-from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
@@ -107,13 +106,8 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and not host and self._shares(service, plan)
-        rows = self._robot.health.rows[service.topic].values()
-        speak = [row.publisher for row in rows if row.state is PublisherState.HEALTHY]
-        spare = (
-            self.pool.spare(host, speak)
-            if standby(service) is Standby.WARM and not shared
-            else None
-        )
+        warm = standby(service) is Standby.WARM and not shared
+        spare = self.pool.spare(host, self._robot.health.well(service.topic)) if warm else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
@@ -322,6 +316,10 @@ class Substitute:
                 return plan
         return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
 
+    def place(self, service: Service, plan: Plan) -> Place:
+        """Return where the process at hand runs, or another would. Raises NoRoom."""
+        return Place(self.host) if self.node else self._processes.place(service, plan)
+
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
         tried = self.tried if self.plan is None else self.tried | {self.plan}
@@ -332,29 +330,33 @@ class Substitute:
             return None
 
     def use(
-        self, service: Service, plan: Plan, publishes: bool = False, ahead: bool = False
+        self,
+        service: Service,
+        plan: Plan,
+        place: Optional[Place] = None,
+        publishes: bool = False,
+        ahead: bool = False,
     ) -> List[Command]:
         """Set the process at hand, which may publish already, or another to work on a plan.
 
-        `ahead`: nothing has failed yet; then that may be one that several share. Raises ShsaError
-        if there is no computer for another.
+        `place`: where; None: it is to be found. `ahead`: nothing has failed yet; then that may be
+        one that several share. Raises ShsaError if there is no computer for another.
         """
-        robot, now = self._robot, self._robot.time
-        chosen = bool(self.node) or not robot.som.hosts
-        host = self.host if chosen else self._processes.place(service, plan).host
+        now = self._robot.time
+        place = place or self.place(service, plan)
         self.plan, self.changed, starts = plan, now, False
         commands: List[Command] = []
         if self.node:
             commands.append(events.AssignSubstitute(self.node))
         else:
-            self.host = host
+            self.host = place.host
             command = self._processes.set_to_work(service, self, ahead)
             commands.append(command)
             starts = isinstance(command, events.StartSubstitute)
             if starts or ahead:  # an idle one may have taken the topic over by itself
                 self.working_since = now
         # One that was started a moment ago is on its way: another one would come up no sooner.
-        coming_up = self.started + robot.settings.start_timeout - now
+        coming_up = self.started + START_S - now
         self.patience = max(TAKEOVER_S, coming_up)
         self.plan_to_blame = starts or publishes
         return commands
@@ -379,9 +381,11 @@ class Substitute:
     def prepare(self, service: Service) -> List[Command]:
         """Follow the best plan for the case that the service's node fails.
 
-        A process is started for it once there is room.
+        A process is started for it once there is room. None stands by unless the service is hot.
         """
         robot = self._robot
+        if standby(service) is not Standby.HOT:
+            return self.drop()
         try:
             ready = robot.planner.plans.plan(service.name)
             plan = ready or robot.planner.explain(service, robot.gone_with(service))
@@ -397,6 +401,10 @@ class Substitute:
         """End the process."""
         node, self.node, self.host, self.shared, self.plan = self.node, "", "", False, None
         return self._processes.leave(self._service, node) if node else []
+
+    def rest(self, service: Service) -> List[Command]:
+        """Publish no more: the process of a hot service stands by, others end."""
+        return [] if standby(service) is Standby.HOT else self.drop()
 
     def failed(self, tried: bool) -> List[Command]:
         """End the process, which failed.

@@ -24,7 +24,6 @@ class Settings:
     deadline: float = Deadlines.periods  # in periods, as the monitor's
     hold_off_limit: float = 60.0  # that `hold_off` doubles up to
     relapse: float = 5.0  # times `hold_off`: a node that fails so soon after its return relapses
-    start_timeout: float = 5.0  # that a new process may take to its first message
     restarts: int = 2  # times that a substitute that died is started again with the same plan
     restart_pause: float = 0.5  # before a node is started again; it doubles
     restart_timeout: float = 10.0  # that a restarted node may take to its first message
@@ -52,7 +51,7 @@ class Settings:
 
 
 SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
-START_S = 5.0  # that a process may take to come up: what depends on it is not late before
+START_S = 5.0  # that a process may take to come up, and to its first message
 LONGEST_START_S = 20.0  # on a busy computer; what has lived so long comes up, and stays
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
@@ -71,4 +70,3 @@ FORGET_S = 10.0  # looks farther apart than this tell nothing of the time betwee
 AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
 PAUSE_S = 1.0  # between two idle processes, and after a takeover, which needs the processor
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
-CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet

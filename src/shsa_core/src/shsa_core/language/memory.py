@@ -3,7 +3,7 @@ import math
 from collections import deque
 from typing import Callable, Deque, List, Optional, Tuple
 
-MAX_GAP_S = 1.0
+MAX_GAP_S, GAP_PERIODS = 1.0, 10.0
 MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
 """The most samples that a delay holds."""
@@ -18,6 +18,11 @@ time of the last one is the same sample: the result is the same and nothing chan
 more than `max_gap` (s), or when time runs backwards, the function starts anew. Each is one flat
 function: a call inside would double its cost.
 """
+
+
+def longest_gap(period: Optional[float]) -> float:
+    """Return the time in s without a value after which functions start anew."""
+    return math.inf if period is None else max(MAX_GAP_S, GAP_PERIODS * period)
 
 
 def previous(max_gap: float = MAX_GAP_S) -> Memory:

@@ -21,11 +21,6 @@ class Calibration:
         """Return the calibrated value."""
         return self.gain * derived + self.offset
 
-    @property
-    def is_none(self) -> bool:
-        """It changes nothing."""
-        return self.gain == 1.0 and self.offset == 0.0
-
 
 UNCALIBRATED = Calibration()
 

@@ -39,6 +39,16 @@ class PublisherHealth:
     uri: str = ""
 
     @property
+    def is_well(self) -> bool:
+        """True while it is healthy."""
+        return self.state is PublisherState.HEALTHY
+
+    @property
+    def has_failed(self) -> bool:
+        """True from its failure until it has recovered."""
+        return self.state is PublisherState.FAILED
+
+    @property
     def key(self) -> Key:
         """The row's topic and publisher."""
         return self.topic, self.publisher

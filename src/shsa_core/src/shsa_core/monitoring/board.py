@@ -144,12 +144,6 @@ class Board:
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
 
-    def upstream(self, service: Service) -> Iterator[Publisher]:
-        """Yield the publishers of what a service is computed from."""
-        for topic in self.topics.values():
-            if not topic.services.keys().isdisjoint(service.upstream):
-                yield from topic.publishers.values()
-
     # Changes
 
     def look_when_due(self, publisher: Publisher) -> None:

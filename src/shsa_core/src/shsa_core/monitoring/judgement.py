@@ -29,14 +29,14 @@ class Judgement:
     def __init__(
         self, board: Board, around: Surroundings, ontology: Ontology, deadlines: Deadlines
     ) -> None:
-        self._board, self._around, self._ontology = board, around, ontology
+        self._board, self._around, self._ontology, self._som = board, around, ontology, Som()
         self._derivations = Derivations(deadlines)
         self._calibrations = Calibrations(ontology, self._derivations, board.is_there)
         self._witnesses = Witnesses(ontology, self._derivations)
 
     def watch(self, som: Som) -> None:
         """Judge the services of `som` from now on; what is derived of a changed one begins anew."""
-        knows = predictor(self._ontology, som.sources)
+        self._som, knows = som, predictor(self._ontology, som.sources)
         gone = self._derivations.watch(som)
         self._board.say(self._calibrations.watch(som, knows, gone))
         self._witnesses.watch(som, knows)
@@ -165,7 +165,9 @@ class Judgement:
         """Return a case with what the publisher, unless it is a substitute, computes from."""
         if publisher.name not in publisher.topic.nodes:
             return case
-        upstream = [*self._board.upstream(publisher.service)]
+        services, topics = self._som.services, self._board.topics
+        read = {services[each].topic for each in publisher.service.upstream if each in services}
+        upstream = [each for topic in read for each in topics[topic].publishers.values()]
         return replace(
             case,
             fed_wrong=any(each.tells_wrong for each in upstream),

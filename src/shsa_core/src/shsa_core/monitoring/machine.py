@@ -8,6 +8,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
 from shsa_core.monitoring.board import publishes, topics_of
@@ -16,7 +17,7 @@ from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
-from shsa_core.monitoring.settings import CHANGEOVER_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import RECONNECT_S, Settings
 from shsa_core.monitoring.start_up import StartUp
 from shsa_core.monitoring.surroundings import Surroundings
 

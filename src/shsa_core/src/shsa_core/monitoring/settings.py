@@ -24,9 +24,6 @@ class Settings:
 # Alibis. Times in s.
 CONNECT_S = 0.1
 """A silence may come of a connection of healing's own that was made in it, or so long before."""
-CHANGEOVER_S = 1.0
-"""The same of a substitute that comes up: it has more to do after that, and so have others. And so
-long one that was muted serves consumers to whom the original is not connected yet."""
 RECONNECT_S = 0.5
 """A node whose connection was lost, and which lives, gives another one within this; and a new
 monitor connects within this to who is there."""
