@@ -1,1 +1,1 @@
-"""What others tell of a value: derived by the relations, learned, and compared."""
+"""Derivations: what others tell of a value by the relations; learned, and compared."""

@@ -8,8 +8,8 @@ from shsa_core.model.service import Signal
 
 
 CHANGEOVER_S = 1.0
-"""What a change of substitutes may take, in s: one that comes up, or changes its program, is silent
-that long, and others are late with it; one that was muted serves for that long whom the original
+"""The time in s that a change of substitutes may take: one that comes up or changes its program is
+silent so long, and others are late with it; one that was muted serves so long whom the original
 does not serve yet, which takes roscpp 0.2 s."""
 
 

@@ -42,8 +42,8 @@ def decide(board: Board, som: Som, deadlines: Deadlines) -> Som:
             more = "; it allows more" * weaker
             if service.weakened:
                 more = f"; it allows more than the SOM file: {service.weakened}"
-            text = f"Changed: {text}; it concerns {whom}{more}"
-            board.say([Log(Level.WARN, text) if more else Log(Level.INFO, text)])
+            said = Log(Level.WARN, f"Changed: {text}; it concerns {whom}{more}")
+            board.say([said if more else replace(said, level=Level.INFO)])
         else:
             services[service.name] = kept
             name, why = wrong

@@ -1,1 +1,1 @@
-"""What would take a service over, and where: asked by healing, and by `shsa check`."""
+"""Plans: what would take a service over, and where; for healing, and for `shsa check`."""

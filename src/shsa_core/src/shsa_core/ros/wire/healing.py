@@ -19,8 +19,7 @@ from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Program, Substitution
-from shsa_core.monitoring.events import FormerlyHealthy
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.events import FormerlyHealthy, SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
