@@ -33,8 +33,7 @@ from shsa_core.planning.plan_table import PlanTable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Rated, SourceTable
 from shsa_learning.report.resilience import analyse
-from shsa_learning.substitutes import substitutes
-from shsa_learning.substitutes import find_substitute
+from shsa_learning.substitutes import find_substitute, substitutes
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"

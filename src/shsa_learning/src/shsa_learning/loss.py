@@ -10,8 +10,7 @@ from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_learning.substitutes import substitutes
-from shsa_learning.substitutes import Substitute
+from shsa_learning.substitutes import Substitute, substitutes
 
 
 class Loss(NamedTuple):

@@ -22,8 +22,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_learning.substitutes import substitutes
-from shsa_learning.substitutes import find_substitute
+from shsa_learning.substitutes import find_substitute, substitutes
 
 Imported = Callable[[str], Tuple[Ontology, Som]]
 Names = FrozenSet[str]

@@ -13,8 +13,7 @@ from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
-from shsa_learning.substitutes import substitutes
-from shsa_learning.substitutes import Substitute, find_substitute
+from shsa_learning.substitutes import Substitute, find_substitute, substitutes
 from shsa_testing.thorough import many
 
 Model = Tuple[Ontology, List[Source], List[str]]
