@@ -323,7 +323,7 @@ def test_a_source_that_comes_later_is_planned_with(ontology: Ontology) -> None:
 def test_no_more_is_evaluated_than_the_budget_allows(
     ontology: Ontology, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(settings, "EVALUATIONS_PER_S", 6.0)
+    monkeypatch.setattr(settings, "EVALUATIONS_HZ", 6.0)
     robot = Robot(ontology, LOAD, SPEED, POWER)
     robot.run(60.0)
     assert robot.of("load", "speed") is not None and robot.of("load", "power") is None

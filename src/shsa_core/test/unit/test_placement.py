@@ -13,7 +13,7 @@ from shsa_core.model.host import Placement as Wanted
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.planning.placement import HERE, Computers, Place, Placement
-from shsa_core.planning.settings import SETTLE_S
+from shsa_core.planning.settings import CERTAIN_S
 from shsa_core.search.derivation import SourceTable
 
 PI, BOARD, BOOK = "pi", "board", "book"
@@ -181,7 +181,7 @@ def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
     hosts = Computers("", Settings(hold_off=2.0).held_off, Settings().stable)
     hosts.seen(0.0, PI, 0.0, 4.0)
-    assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(SETTLE_S) == [PI]
+    assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(CERTAIN_S) == [PI]
     for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
         assert hosts.lose(PI, time - 1.0, "silent")
         assert not hosts.lose(PI, time - 1.0, "silent")
@@ -189,7 +189,7 @@ def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> No
         assert hosts.seen(time, PI, 0.0, 4.0) and hosts.reachable(PI)
         assert not hosts.counts(PI, time + hold_off - 0.1)
         assert hosts.counts(PI, time + hold_off)
-        assert hosts.settling.next() == time + max(hold_off, SETTLE_S)
+        assert hosts.settling.next() == time + max(hold_off, CERTAIN_S)
     assert hosts.lose(PI, 200.0, "silent")
     hosts.seen(210.0, PI, 0.0, 4.0)
     assert hosts.counts(PI, 212.0)

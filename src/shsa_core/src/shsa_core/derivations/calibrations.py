@@ -156,7 +156,7 @@ class Calibrations:
             for each in followed.outputs
             if self._calibrates(each.source) and not each.integrates
         ]
-        if followed.substitutes or enough or rate > settings.EVALUATIONS_PER_S or not told:
+        if followed.substitutes or enough or rate > settings.EVALUATIONS_HZ or not told:
             return
         for output in told:
             output.calibrate()

@@ -35,7 +35,7 @@ PLANS = 4
 """At most of one service: the best, those for a second failure, and those that watch it."""
 SEARCH_S = 0.5
 """Between two searches for a plan: on a robot of 500 services one takes 50 ms."""
-EVALUATIONS_PER_S = 2000.0
+EVALUATIONS_HZ = 2000.0
 """Of all programs together: what is beyond that is not followed."""
 REFRESH_S = 2.0
 """Between two looks at what a program has learned, one takes 60 us, at the gaps of a stream, and at

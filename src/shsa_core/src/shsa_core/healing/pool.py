@@ -4,9 +4,9 @@ from typing import Container, Counter, Dict, List, Optional, Set
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, PAUSE_S, START_S, Settings
+from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, START_S, Settings
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.planning.placement import Computers
 from shsa_core.planning.planner import Planner
 
@@ -81,12 +81,12 @@ class Pool:
         """Note that an idle process runs."""
         self.processes[idle.node] = idle
         due = self._refill_at.get(idle.host, -inf)
-        self._refill_at[idle.host] = max(due, idle.started + PAUSE_S)
+        self._refill_at[idle.host] = max(due, idle.started + CHANGEOVER_S)
 
     def take(self, time: float, node: str) -> None:
-        """Note that an idle process is set to work; the next one follows after a pause."""
+        """Note that an idle process is set to work; the next one is started once that is over."""
         host = self._remove(node).host
-        self._refill_at[host] = time + PAUSE_S
+        self._refill_at[host] = time + CHANGEOVER_S
         self._deaths[host] = 0
 
     def died(self, time: float, node: str) -> None:

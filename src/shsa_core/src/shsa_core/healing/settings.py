@@ -68,5 +68,4 @@ FORGET_S = 10.0  # looks farther apart than this tell nothing of the time betwee
 
 # Processes of substitutes.
 AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
-PAUSE_S = 1.0  # between two idle processes, and after a takeover, which needs the processor
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message

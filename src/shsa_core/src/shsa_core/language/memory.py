@@ -3,11 +3,12 @@ import math
 from collections import deque
 from typing import Callable, Deque, List, Optional, Tuple
 
+from shsa_core.watch import INSTANT_S
+
 MAX_GAP_S, GAP_PERIODS = 1.0, 10.0
 MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
 """The most samples that a delay holds."""
-SAME_TIME_S = 1e-6  # a float of a time of today has no finer steps
 NO_VALUE = math.nan
 
 Memory = Callable[..., float]
@@ -130,7 +131,7 @@ def delay(max_gap: float = MAX_GAP_S) -> Memory:
                 held.clear()
             if not held or now - held[-1][0] >= time / HELD_SAMPLES:
                 held.append((now, value))
-            before = now - time + SAME_TIME_S
+            before = now - time + INSTANT_S
             while len(held) > 1 and held[1][0] <= before:
                 held.popleft()
             result = held[0][1]

@@ -1,7 +1,8 @@
 """The numbers by which plans are made and placed; times in s."""
 
-CERTAIN_S = 2.0  # that a computer is heard beside a node's silence before that is the node's own
-SETTLE_S = 2.0  # computers come one after the other: then what stands by is placed anew
+# That a computer is heard until a node's silence is the node's own. Computers come one after the
+# other: then what stands by is placed anew.
+CERTAIN_S = 2.0
 MISSED_S = 1.5  # a computer that was not heard for so long was cut off, though nobody said so
 STRAINED = 0.9  # of its cores busy: more makes well nodes slow
 
