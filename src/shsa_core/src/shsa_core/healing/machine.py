@@ -187,7 +187,7 @@ class Reconfigurator:
         """Return what would be done if the node of a service failed. Raises ShsaError."""
         excluded = [self.robot.som.known_name(each, self._namespace) for each in without]
         service = self.find(name)
-        excluded += self.robot.gone_with(service)
+        excluded += self.robot.planned_without(service)
         plan = self.robot.planner.explain(service, excluded, method)
         return replace(plan, errors=self.robot.planner.errors(plan))
 

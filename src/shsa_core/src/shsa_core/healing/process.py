@@ -388,7 +388,7 @@ class Substitute:
             return self.drop()
         try:
             ready = robot.planner.plans.plan(service.name)
-            plan = ready or robot.planner.explain(service, robot.gone_with(service))
+            plan = ready or robot.planner.explain(service, robot.planned_without(service))
             if plan == self.plan:
                 return []
             if not self.node and not self._processes.starts.may(robot.time, service.name):

@@ -132,7 +132,7 @@ class Robot:
         doubted = self.computers.doubted(self.computers.name(service.host), self.time)
         return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
 
-    def gone_with(self, service: Service) -> List[str]:
+    def planned_without(self, service: Service) -> List[str]:
         """Return the nodes that a service is to be planned without."""
         publishers = (row.publisher for row in self.health.originals(self.som, service))
         return [service.node, *publishers, *self.health.excluded]

@@ -51,7 +51,7 @@ class Computers:
     """
 
     def __init__(
-        self, own: str = "", hold_off: Callable[[int], float] = float, calm: float = inf
+        self, own: str = "", hold_off: Callable[[int], float] = lambda times: 0.0, calm: float = inf
     ) -> None:
         self._own, self._hold_off, self._calm = own, hold_off, calm
         self._known: Dict[str, Computer] = {}
