@@ -5,12 +5,13 @@ from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
-from shsa_core.healing.settings import START_S, SAME_S
+from shsa_core.healing.settings import SAME_S
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
 from shsa_core.model.service import Service, ServiceState
 from shsa_core.model.som import Som
+from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED

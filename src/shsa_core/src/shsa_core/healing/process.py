@@ -10,16 +10,17 @@ from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
-from shsa_core.healing.pool import Pool, Starts
-from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, START_S, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
 from shsa_core.planning.placement import Place, Placement
+from shsa_core.planning.pool import Pool, Starts
+from shsa_core.planning.pool import IdleProcess
+from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
 
@@ -35,7 +36,7 @@ class Processes:
 
     def __init__(self, robot: Robot) -> None:
         self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
-        self.pool = Pool(robot.settings)
+        self.pool = Pool(robot.settings.pool, robot.settings.paused)
         self.starts = Starts()
         self.substitutes: Dict[str, "Substitute"] = {}
         self._most = robot.settings.hot_hosts

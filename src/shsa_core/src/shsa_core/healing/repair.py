@@ -13,10 +13,10 @@ from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import standby
 from shsa_core.healing.records import Fate
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
-from shsa_core.healing.settings import LONGEST_START_S
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
 from shsa_core.planning.placement import HERE, NoRoom
+from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
 

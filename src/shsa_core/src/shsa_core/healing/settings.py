@@ -51,8 +51,6 @@ class Settings:
 
 
 SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
-START_S = 5.0  # that a process may take to come up, and to its first message
-LONGEST_START_S = 20.0  # on a busy computer; what has lived so long comes up, and stays
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
 ANSWER_S = 0.5
@@ -67,5 +65,4 @@ STEADY_S = 4.0  # that a node is slow at each look on its computer until it is s
 FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
 
 # Processes of substitutes.
-AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
