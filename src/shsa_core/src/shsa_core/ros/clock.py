@@ -15,14 +15,6 @@ def now() -> float:
     return time.monotonic()
 
 
-def offset() -> float:
-    """Return by how many s ROS time is ahead of the monotonic clock.
-
-    Taken once for moments that are compared: a thread may have to wait between the two looks.
-    """
-    return float(rospy.get_time()) - now()
-
-
 def is_simulated() -> bool:
     """Return whether ROS time comes from /clock."""
     return not rospy.rostime.is_wallclock()
@@ -38,6 +30,12 @@ def both() -> Tuple[float, float]:
             break
     _, moment, ros = min(found)
     return moment, ros
+
+
+def offset() -> float:
+    """Return by how many s ROS time is ahead of the monotonic clock."""
+    moment, ros = both()
+    return ros - moment
 
 
 class RobotClock:
