@@ -40,11 +40,11 @@ export class Graph {
     try {
       const answer = await ask("api/graph", { limit: 20000 });
       if (number !== this.number) return;
-      if (answer.error || !answer.svg) throw new Error(answer.error || "There is no picture.");
+      if (answer.error || !answer.svg) throw new Error(answer.error || "There is no drawing.");
       if (answer.svg !== this.source) this.take(answer);
     } catch (error) {
       if (number === this.number && !this.source) {
-        const why = `No picture of the ontology: ${error.message}`;
+        const why = `No drawing of the ontology: ${error.message}`;
         this.frame.replaceChildren(make("p", { class: "quiet" }, why));
       }
     }
@@ -53,7 +53,7 @@ export class Graph {
 
   take({ svg, edges }) {
     const parsed = new DOMParser().parseFromString(svg, "image/svg+xml");
-    if (parsed.documentElement.nodeName !== "svg") throw new Error("The picture cannot be read.");
+    if (parsed.documentElement.nodeName !== "svg") throw new Error("The drawing cannot be read.");
     this.source = svg;
     clean(parsed.documentElement);
     const picture = document.importNode(parsed.documentElement, true);
@@ -93,8 +93,7 @@ export class Graph {
   show(whole) {
     if (!this.picture) return;
     const { services } = whole;
-    const derivations = Object.values(services).map((each) => new Set(each.derivation));
-    const runs = new Set(derivations.flatMap((each) => [...each]));
+    const runs = derivationsOf(services);
     const properties = judge(services);
     for (const [id, node] of this.nodes) {
       const told = node.kind === "service" ? services[node.name] : properties.get(id);
@@ -102,13 +101,12 @@ export class Graph {
       node.show({ state, error, runs: runs.has(id), would: this.would.has(id) });
     }
     for (const edge of this.edges) {
-      const both = (set) => set.has(edge.from) && set.has(edge.to);
       const from = this.nodes.get(edge.from);
       const provides = from && from.kind === "service" && from.state !== "idle";
       const flags = {
-        runs: derivations.some(both),
+        runs: together(runs.get(edge.from), runs.get(edge.to)),
         gone: provides && !ALIVE.has(from.state),
-        would: both(this.would),
+        would: this.would.has(edge.from) && this.would.has(edge.to),
       };
       setAttribute(edge.element, "class", classes("edge", flags));
     }
@@ -198,6 +196,25 @@ class Node {
   }
 }
 
+/** The services whose derivation an element is in, by its id. */
+function derivationsOf(services) {
+  const found = new Map();
+  for (const [name, { derivation }] of Object.entries(services)) {
+    for (const id of derivation) {
+      if (!found.has(id)) found.set(id, new Set());
+      found.get(id).add(name);
+    }
+  }
+  return found;
+}
+
+/** Whether one derivation has both; the smaller set is looked through. */
+function together(some, others) {
+  if (!some || !others) return false;
+  const [fewer, more] = some.size < others.size ? [some, others] : [others, some];
+  return [...fewer].some((name) => more.has(name));
+}
+
 /** What each property is: measured, derived or lost; with the error where it is derived. */
 function judge(services) {
   const judged = new Map();
@@ -229,7 +246,7 @@ function losses(services) {
     }
   }
   if (told.length) return told.join(" ");
-  return "Nothing is lost. What is drawn thin could stand in.";
+  return "Nothing is lost. Thin lines show what could replace a value.";
 }
 
 /** What the server draws is shapes and text; nothing in it may act or load. */
