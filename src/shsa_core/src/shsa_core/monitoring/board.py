@@ -1,7 +1,6 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
-from collections import defaultdict
 from math import inf
-from typing import DefaultDict, Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.model.checks import BY_VALUE
@@ -35,7 +34,7 @@ class Substitutes:
 
     def __init__(self) -> None:
         self._rows: Dict[str, Substitution] = {}
-        self._of_node: DefaultDict[str, Dict[str, Substitution]] = defaultdict(dict)
+        self._of_node: Dict[str, Dict[str, Substitution]] = {}
 
     def change(self, event: SubstitutionsChanged) -> List[Change]:
         """Take a change of the table; return which rows it changes."""
@@ -45,12 +44,14 @@ class Substitutes:
         for key in [key for key in gone if key in self._rows and key not in new]:
             row = self._rows.pop(key)
             del self._of_node[row.node][key]
+            if not self._of_node[row.node]:
+                del self._of_node[row.node]
             changes.append((row.node, row, None))
         for key, row in new.items():
             before = self._rows.get(key)
             if before != row:
                 changes.append((row.node, before, row))
-            self._rows[key] = self._of_node[row.node][key] = row
+            self._rows[key] = self._of_node.setdefault(row.node, {})[key] = row
         return changes
 
     def row(self, topic: str, node: str) -> Optional[Substitution]:
@@ -59,7 +60,7 @@ class Substitutes:
         An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         """
         rows = self._of_node.get(node)
-        if not rows:
+        if rows is None:
             return None
         here = [row for row in rows.values() if topic in row.topics]
         return (here or [*rows.values()])[0]
@@ -109,14 +110,13 @@ class Board:
 
     def commands(self) -> List[Command]:
         """Return the changed rows, and what else is said, since the last call."""
-        commands: List[Command] = []
+        commands, self._said = self._said, []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(publisher.row() for publisher in found.values() if publisher)
             removed = tuple(key for key, publisher in found.items() if not publisher)
-            commands.append(HealthChanged(self.now, rows, removed, tuple(self._failed)))
-        commands += self._said
-        self._failed, self._touched, self._said = [], {}, []
+            commands.insert(0, HealthChanged(self.now, rows, removed, tuple(self._failed)))
+        self._failed, self._touched = [], {}
         return commands
 
     # Who is who

@@ -171,7 +171,7 @@ class Monitor:
         if topic is None:
             return
         self._ending_nodes.discard(name)
-        self._around.connected(name, retired or row is not None)
+        self._around.connected(topic, name, retired or row is not None)
         if known is None or not known.connected or known.uri != event.uri:
             board.meet(topic, name, event.uri)
         else:

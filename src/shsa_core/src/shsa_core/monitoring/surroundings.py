@@ -8,7 +8,7 @@ from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
 from shsa_core.monitoring.board import Board
-from shsa_core.monitoring.publishers import Publisher
+from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.watch import Watch
 
 
@@ -40,11 +40,11 @@ class Surroundings:
         self._watch.look(self._board.now, self._board.now - late)
         self._silent = None
 
-    def connected(self, node: str, substitute: bool) -> None:
+    def connected(self, topic: WatchedTopic, node: str, substitute: bool) -> None:
         """Note a connection to a node; a `substitute` comes up, and may listen to all."""
         if substitute:
             self._came_up = self._board.now
-        else:
+        elif node in topic.nodes:  # of others there may be any number
             self._connected[node] = self._board.now
 
     def clock(self, waited: Iterable[Tuple[str, float]]) -> None:
