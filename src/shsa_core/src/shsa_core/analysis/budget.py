@@ -17,7 +17,7 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.settings import RATE_MESSAGES, RATE_SECONDS
 
 TAKEOVERS = {Standby.COLD: 0.83, Standby.WARM: 0.03, Standby.HOT: 0.03}
-"""How long a takeover lasts, in s: the 95th percentile of 50 by roscpp."""
+"""The time in s that a takeover lasts: the 95th percentile of 50 by roscpp."""
 
 
 @dataclass(frozen=True)
