@@ -31,10 +31,6 @@ class Settings:
     retry: float = 2.0  # after which a service that could not be healed is tried again; it doubles
     retry_limit: float = 60.0  # that `retry` doubles up to
     kill_patience: float = 0.1  # that a node has to leave where the SOM says `contain: node`
-    # How long a takeover lasts for `fault_tolerant_time`: the 95th percentile of 50 by roscpp.
-    takeover_cold: float = 0.83
-    takeover_warm: float = 0.03
-    takeover_hot: float = 0.03
 
     @property
     def deadlines(self) -> Deadlines:
