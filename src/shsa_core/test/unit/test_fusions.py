@@ -12,24 +12,23 @@ from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.healing import events
-from shsa_core.model.calibration import Calibration
+from shsa_core.derivations import settings
+from shsa_core.derivations.fusions import shares
+from shsa_core.model.calibration import Calibration, CalibrationRow
 from shsa_core.model.error import Error
+from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
-from shsa_core.monitoring import settings
 from shsa_core.monitoring.events import (
-    CalibrationRow,
     CalibrationsChanged,
     Connected,
     Disconnected,
     Message,
     SomChanged,
     Tick,
-    Told,
 )
-from shsa_core.monitoring.fusions import shares
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.search.derivation import Derivation
 
@@ -73,7 +72,7 @@ class Watched:
 
     def hear(self, event: Any) -> None:
         for said in self.core.handle(event):
-            if isinstance(said, Told):
+            if isinstance(said, Log):
                 self.said.append(said.text)
             elif isinstance(said, CalibrationsChanged):
                 self.rows.update({row.program: row.calibrations[0] for row in said.rows})

@@ -6,15 +6,14 @@ from typing import Any, Callable, Dict, Tuple
 import pytest
 
 from shsa_core.cli.main import main
-from shsa_core.codegen.choice import substitutes
+from shsa_learning.substitutes import substitutes
 from shsa_core.codegen.fusion import fuse
 from shsa_core.codegen.generator import generate
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.healing.planner import Calibrations
-from shsa_core.model.calibration import Calibration
+from shsa_core.model.calibration import Calibration, CalibrationRow
 from shsa_core.model.error import Error
-from shsa_core.monitoring.events import CalibrationRow
+from shsa_core.planning.planner import Calibrations
 from shsa_core.search.derivation import Derivation
 from shsa_learning.cli import find
 

@@ -2,20 +2,20 @@
 from itertools import islice
 from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_learning.loss import Loss, dead_branches, ranked
 from shsa_core.analysis.takeover import slowest
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.healing.planner import Calibrations
+from shsa_core.planning.planner import Calibrations
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.substitutes import Substitute
+from shsa_learning.loss import Loss, dead_branches, ranked
+from shsa_learning.substitutes import Substitute
 
 Answer = Dict[str, Any]
 Found = Tuple[Substitute, Optional[Error]]

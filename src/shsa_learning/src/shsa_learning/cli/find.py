@@ -9,7 +9,7 @@ from shsa_learning.cli._common import add_models, add_without, check_known, read
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.healing.planner import Calibrations
+from shsa_core.planning.planner import Calibrations
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service

@@ -3,7 +3,7 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
-from shsa_core.healing.planner import Calibrations
+from shsa_core.planning.planner import Calibrations
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.healing import calibrations_heard
 

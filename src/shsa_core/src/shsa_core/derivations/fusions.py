@@ -15,8 +15,8 @@ from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
-from shsa_core.monitoring import settings
-from shsa_core.monitoring.derivations import Derivations, FollowedPlan, Output
+from shsa_core.derivations import settings
+from shsa_core.derivations.evaluation import Derivations, FollowedPlan, Output
 from shsa_core.search.derivation import Derivation, Rated, rate_joint
 
 Errors = Mapping[float, float]
