@@ -353,10 +353,8 @@ class ReconfiguratorNode:
         self._heed_maintenance()
 
     def _heed_maintenance(self) -> None:
-        """Maintain the robot while the file says so."""
-        on = maintained(rospy.get_namespace())
-        if on is not self._core.robot.maintained:
-            self._decide(events.MaintenanceSet(clock.now(), on))
+        """Tell whether the robot is maintained, as the file says it."""
+        self._decide(events.MaintenanceSet(clock.now(), maintained(rospy.get_namespace())))
 
     def _report(self) -> None:
         self._heed_added()

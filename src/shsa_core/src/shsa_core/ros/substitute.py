@@ -162,9 +162,8 @@ class SubstituteNode:
         self._inputs.put(event)
 
     def _failed(self, failure: msg.Failure) -> None:
-        if failure.kind == msg.Failure.NODE_GONE:
-            last = bytes(failure.last_message)
-            self._inputs.put(events.NodeGone(self._clock.now(), failure.topic, last))
+        told = failure.topic, failure.kind, bytes(failure.last_message)
+        self._inputs.put(events.FailureHeard(self._clock.now(), *told))
 
     # Commands.
 
@@ -179,9 +178,9 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        near = self._host or self._to_monitor.beat(at_once=True)
-        alone = not self._heart.beat(at_once=True) or not near
-        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
+        watched = None if self._host else self._to_monitor.beat(at_once=True)
+        healed = self._heart.beat(at_once=True)
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, healed, watched))
 
     def _look_at_healer(self, _: events.LookAtHealer) -> None:
         self._heart.beat(at_once=True)
