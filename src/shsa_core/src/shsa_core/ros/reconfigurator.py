@@ -17,6 +17,7 @@ from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.check import refuse_invalid
 from shsa_core.analysis.schedulability import check_placements
+from shsa_core.analysis.type_check import Problem, mark_unusable
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som
@@ -43,7 +44,6 @@ from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.host import HostCommand

@@ -13,13 +13,13 @@ from shsa_msgs import msg
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
+from shsa_core.model.field_value import Field, problem
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.ros import clock, settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.master import announce
 from shsa_core.ros.master.node_api import FAILURES, Originals
-from shsa_core.ros.messages.composing import read_message
-from shsa_core.ros.messages.fields import Field, problem
+from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, recorded, run
 from shsa_core.ros.outputs import Outputs
