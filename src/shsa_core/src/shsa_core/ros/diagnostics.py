@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
+from shsa_core.hosts.conversation import HostState
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
@@ -25,7 +26,6 @@ from shsa_core.ros.trust.computers import Met
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.agent.all_hosts import HostState
 from shsa_core.text import shown
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"

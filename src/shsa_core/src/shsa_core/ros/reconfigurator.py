@@ -27,6 +27,7 @@ from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.hosts.commands import HostCommand
 from shsa_core.journal.record_file import RecordFile
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
@@ -46,7 +47,6 @@ from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_so
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.all_hosts import AllHosts
-from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run

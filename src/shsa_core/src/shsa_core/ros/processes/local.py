@@ -18,11 +18,11 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.settings import LEAVE_S
+from shsa_core.hosts.commands import HostCommand, Tell, not_done
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved
 from shsa_core.ros.processes import kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
-from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Substitutes, Setup
