@@ -377,6 +377,15 @@ def test_an_original_that_answers_nonsense_serves_nobody(nodes: Nodes, answer: A
     node.end()
 
 
+def test_an_original_in_cpp_tells_whom_it_serves(nodes: Nodes) -> None:
+    stats = [[[TOPIC, [[1, 60, 50, 5, 0], [2, 0, 0, 0, 0]]]], [], []]  # without a status
+    info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
+    node = StrangeNode(value(7), getBusStats=value(stats), getBusInfo=value([1, "", info]))
+    register(node.uri)
+    assert Originals().served_consumers(TOPIC, NAME) == {"a"}
+    node.end()
+
+
 def test_an_original_is_asked_who_its_consumers_are_once(nodes: Nodes) -> None:
     stats: Any = [[[TOPIC, 9, [[1, 60, 60, False], [2, 0, 0, False]]]], [], []]
     info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
