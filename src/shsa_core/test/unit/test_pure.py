@@ -13,7 +13,7 @@ PACKAGE = SOURCE / "shsa_core"
 ORDER = [
     ("text",),
     ("errors", "dispatch", "agenda", "table", "watch"),
-    ("message_types",),
+    ("message_types", "trust"),
     ("language",),
     ("model",),
     ("files",),
@@ -40,7 +40,7 @@ LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in 
 # The running nodes' cores read no file.
 CORES = ("monitoring", "substitution", "gating", "healing", "hosts")
 """Connections and messages are the same whoever reads them."""
-NO_FILES = ("search", "codegen", *CORES)
+NO_FILES = ("search", "codegen", "trust", *CORES)
 
 
 def name_of(path: pathlib.Path) -> str:

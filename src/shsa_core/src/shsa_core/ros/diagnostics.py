@@ -22,11 +22,11 @@ from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.trust.computers import Met
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.text import shown
+from shsa_core.trust.computers import Met
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
 """Keys of a service's row: late messages filled in for, duties, what live parameters allow."""
