@@ -32,14 +32,8 @@ BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than 
 """Keys of a service's row: late messages filled in for, duties, what live parameters allow."""
 MAINTENANCE = "maintenance"
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-CONDITIONS = {
-    Condition.HEALTHY: OK,
-    Condition.DOUBTFUL: WARN,
-    Condition.DISTURBED: WARN,
-    Condition.SUBSTITUTED: WARN,
-    Condition.STARTING: WARN,
-    Condition.LOST: ERROR,
-}
+CONDITIONS = {Condition.HEALTHY: OK, Condition.LOST: ERROR}
+"""In any other condition a service is to be watched."""
 HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEALED: WARN}
 """In any other state the service is not healed."""
 
@@ -155,7 +149,7 @@ class MonitorRows:
             told.append(("deadline", health.deadline))
         if health.bridged:
             told.append((BRIDGED, str(health.bridged)))
-        text, level = health.detail, CONDITIONS[health.condition]
+        text, level = health.detail, CONDITIONS.get(health.condition, WARN)
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"
         if health.service.weakened:

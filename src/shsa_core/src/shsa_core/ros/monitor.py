@@ -40,6 +40,7 @@ from shsa_core.ros.master import som_parameter
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import filled
 from shsa_core.ros.workers import Workers
 
 
@@ -211,7 +212,7 @@ class MonitorNode:
     def _tell_changes(self) -> None:
         """Publish what has changed in the table of health."""
         changes, self._changes = self._changes, {}
-        rows = [wire.health_row(row) for row in changes.values() if row is not None]
+        rows = [filled(msg.PublisherHealth, row) for row in changes.values() if row is not None]
         removed = [wire.health_key(key) for key, row in changes.items() if row is None]
         self._health.update(rows, removed)
 

@@ -149,7 +149,8 @@ def await_turn(name: str) -> None:
     Else say so and leave, with exit status 1. A launch that would start this process again, and
     again, is spared that: it waits, registered nowhere, until the other one has gone for good.
     """
-    full = _full_name(name)
+    mappings = rosgraph.names.load_mappings(sys.argv)
+    full = str(rosgraph.names.make_caller_id(mappings.get("__name", name))).rstrip("/")
     other = find_other(full)
     if other is None:
         return
@@ -187,12 +188,6 @@ def find_other(node: str) -> Optional[str]:
             print(text, file=sys.stderr)
             return None
     return f"process {number} at {uri}"
-
-
-def _full_name(name: str) -> str:
-    mappings = rosgraph.names.load_mappings(sys.argv)
-    namespace = rosgraph.names.get_ros_namespace()
-    return str(rosgraph.names.ns_join(namespace, mappings.get("__name", name)))
 
 
 def hear_successor() -> Callable[[], bool]:
