@@ -18,6 +18,22 @@ from shsa_core.ros.wire.healing import failure_seen
 from shsa_core.ros.wire.healing import failure_message
 
 
+@pytest.mark.parametrize("slow", range(1, 9))
+def test_a_thread_that_waits_between_two_looks_at_the_clocks_moves_no_stamp(
+    slow: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, passed = itertools.count(1), [0.0]
+
+    def look(begin: float) -> float:
+        passed[0] += 0.05 if next(looks) == slow else 1e-5
+        return begin + passed[0]
+
+    monkeypatch.setattr(clock, "now", lambda: look(100.0))
+    monkeypatch.setattr(clock, "ros_ns", lambda: int(look(5000.0) * 1e9))
+    monkeypatch.setattr(rospy, "get_time", lambda: look(5000.0))
+    assert clock.to_stamp(101.0).to_sec() == pytest.approx(5001.0, abs=1e-3)
+
+
 @pytest.mark.parametrize("ahead", (-5.0, 0.0, 3600.0))
 def test_a_failure_has_happened_by_now_whatever_the_clock_of_its_sender_says(
     ahead: float, monkeypatch: pytest.MonkeyPatch

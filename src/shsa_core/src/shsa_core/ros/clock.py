@@ -35,8 +35,7 @@ def both() -> Tuple[float, float]:
 def offset(told: rospy.Time = rospy.Time(), sent_here: int = 0) -> float:
     """Return by how many s ROS time is ahead of our monotonic clock, at who sent a message.
 
-    That was `told` by the clock there, and `sent_here` by ours in ns; 0: our ROS time counts. Taken
-    once for moments that are compared: a thread may have to wait between looks at two clocks.
+    That was `told` by the clock there, and `sent_here` by ours in ns; 0: our ROS time counts.
     """
     if sent_here and not told.is_zero():
         return float(told.to_sec()) - sent_here / 1e9

@@ -55,7 +55,6 @@ def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
     """
     types = dict(zip(kind.__slots__, kind._slot_types))
     same = {name: value for name, value in vars(record).items() if name in types.keys() - others}
-    # Taken once: a thread may have to wait between two looks at the clocks.
     ahead = clock.offset() if any(types[name] == "time" for name in same) else 0.0
     told = {name: _written(value, types[name], ahead) for name, value in same.items()}
     return kind(**told, **others)
