@@ -129,17 +129,12 @@ class Field:
                 return message_types.layout_of(message_class)
             return message_types.layout(name)
 
-        self._parsed = parsed = parse_field(text)
-        self._text = str(parsed)
+        self._parsed = parse_field(text)
         self._type = field_type(message_class._type, text, layout)
-        self._steps, self._function = parsed.steps, parsed.function
         self.writable = self._type.writable
 
     def get(self, message: Any) -> Optional[float]:
-        """Return the field's value; None if the message has none, as it does not name it.
-
-        NaN where an array is shorter than the place, or where there is no number.
-        """
+        """Return the field's value; see `field_value`."""
         return field_value(message, self._parsed)
 
     def set(self, message: Any, value: float) -> None:
@@ -149,12 +144,12 @@ class Field:
         value does not fit, or if an array has no such element.
         """
         if not self.writable:
-            raise ShsaError(f"{self._text} is read-only")
+            raise ShsaError(f"{self._parsed} is read-only")
         owner = message
-        for step in self._steps[:-1]:
+        *before, last = self._parsed.steps
+        for step in before:
             owner = self._inner(owner, step)
-        last = self._steps[-1]
-        if self._function:
+        if self._parsed.function:
             self._turn(self._inner(owner, last), value)
             return
         plain = self._type.fit(value)
@@ -167,14 +162,14 @@ class Field:
         """Return the message that a step leads to; it must be there."""
         found = _entered(owner, step)
         if found is None:
-            raise ShsaError(f"{self._text}: the message has no {step}, and no other one is known")
+            raise ShsaError(f"{self._parsed}: the message has no {step}, and no other one is known")
         return found
 
     def _turn(self, rotation: Any, angle: float) -> None:
         """Set one angle of a rotation; the other two stay."""
         q = rotation
         turned = [each if each == each else 0.0 for each in angles(q.x, q.y, q.z, q.w)]
-        turned[ANGLES.index(self._function)] = angle
+        turned[ANGLES.index(self._parsed.function)] = angle
         for name, each in zip("xyzw", quaternion(*turned)):
             setattr(rotation, name, each)
 
@@ -189,8 +184,8 @@ class Field:
             array += [nan] * ((place or 0) - len(array))
         if place is None or place > len(array):
             raise ShsaError(
-                f"{self._text}: the array has {len(array)} elements, and no message that has more "
-                "is known"
+                f"{self._parsed}: the array has {len(array)} elements, and no message that has "
+                "more is known"
             )
         array[place : place + 1] = [value]
         setattr(owner, step.name, array)

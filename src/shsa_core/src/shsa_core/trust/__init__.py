@@ -1,1 +1,1 @@
-"""Who is believed: signatures of messages, and computers that have proved that they are ours."""
+"""Messages that are believed: their signatures, and the computers that have proved to be ours."""
