@@ -16,6 +16,7 @@ from shsa_msgs import msg
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.check import refuse_invalid
+from shsa_core.analysis.registrations import Part
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.analysis.type_check import Problem, mark_unusable
 from shsa_core.errors import ModelErrors, ShsaError
@@ -39,7 +40,6 @@ from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.master_watch import MasterWatch, State
-from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing

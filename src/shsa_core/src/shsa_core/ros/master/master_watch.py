@@ -14,11 +14,7 @@ from typing import Sequence, Set, Tuple
 import rosgraph
 import rospy
 
-from shsa_core.errors import ShsaError
-from shsa_core.ros import settings
-from shsa_core.ros.master.announce import Introductions, Publisher
-from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
-from shsa_core.ros.master.registrations import (
+from shsa_core.analysis.registrations import (
     NOTHING,
     Graph,
     Pairs,
@@ -31,6 +27,10 @@ from shsa_core.ros.master.registrations import (
     to_register,
     together,
 )
+from shsa_core.errors import ShsaError
+from shsa_core.ros import settings
+from shsa_core.ros.master.announce import Introductions, Publisher
+from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
 REGISTER = {
     Part.PUBLISHER: "registerPublisher",

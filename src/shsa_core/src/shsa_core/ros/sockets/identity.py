@@ -10,11 +10,11 @@ from typing import Callable, Dict, NamedTuple, Optional
 import rosgraph
 import rospy
 
+from shsa_core.analysis.registrations import is_name
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
-from shsa_core.ros.master.registrations import is_name
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.trust.owners import is_local, listening, speaker
 from shsa_core.ros.workers import Workers
