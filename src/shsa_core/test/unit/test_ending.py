@@ -336,6 +336,10 @@ def test_a_master_that_does_not_answer_proves_nothing(
     assert found.where is Where.UNKNOWN and "the master does not answer" in found.detail
 
 
+def test_nothing_is_cleared_of_a_node_that_the_master_does_not_know(nodes: Nodes) -> None:
+    assert ending.clear(nodes, "/nobody")
+
+
 def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make: Make) -> None:
     node = make("/anything")
     nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))

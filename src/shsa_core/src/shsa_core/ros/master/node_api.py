@@ -156,6 +156,17 @@ def master_api(caller_id: str = "") -> rosgraph.Master:
     return master
 
 
+def uri_of(node: str) -> str:
+    """Return where the master says that a node is; empty: it knows no such node.
+
+    Raises one of FAILURES if it does not answer.
+    """
+    try:
+        return str(master_api().lookupNode(node))
+    except rosgraph.MasterException:
+        return ""
+
+
 class _Transport(xmlrpc.client.Transport):
     """One call, one connection, one deadline."""
 

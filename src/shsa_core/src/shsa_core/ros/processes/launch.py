@@ -23,7 +23,7 @@ import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api, resolved
+from shsa_core.ros.master.node_api import FAILURES, resolved, uri_of
 from shsa_core.ros.master.node_api import pid as pid_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import is_local, listener
@@ -174,7 +174,7 @@ def find_other(node: str) -> Optional[str]:
     this computer is none either: anybody can register our name, and all of healing is one user's.
     """
     try:
-        uri = master_api().lookupNode(node)
+        uri = uri_of(node)
         number = pid_of(uri)
     except FAILURES:
         return None
