@@ -160,11 +160,7 @@ class MonitorRows:
     def _publisher(
         self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
     ) -> str:
-        told = [f"{row.state}"]
-        if row.kind is not None:
-            told.append(f"{row.kind}, {row.detail}")
-        elif row.detail:
-            told.append(row.detail)
+        told = [str(each) for each in (row.state, row.kind, row.detail) if each]
         if elapsed and row.key in self._counts:
             told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
         if row.last_good is not None:

@@ -35,7 +35,7 @@ from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.master import som_parameter
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.wire import healing as wire
@@ -68,12 +68,9 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._parameters = Workers("parameters")
         self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
-        self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
-        )
+        self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
         health, calibrations = (
             names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
         )
@@ -224,7 +221,7 @@ class MonitorNode:
         if failed:
             self._tell_changes()
         for row in failed:
-            self._failures.publish(self._sign(wire.failure_message(row)))
+            self._failures.publish(wire.failure_message(row))
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

@@ -26,7 +26,7 @@ from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer
 from shsa_core.ros.trust import secret
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.workers import Workers
@@ -250,9 +250,7 @@ class SubstituteNode:
     def _failures(self) -> Callable[[msg.Failure], None]:
         """Return what publishes its failures; made once, where it may wait for the master."""
         assert self._signing is not None
-        sign = self._signing.signer(names.FAILURES, msg.Failure)
-        publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
-        return lambda failure: publisher.publish(sign(failure))
+        return SignedPublisher(self._signing, names.FAILURES, msg.Failure).publish
 
 
 class RowReader:

@@ -29,7 +29,7 @@ from shsa_core.ros.processes.heartbeats import Signs, hearer
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -49,10 +49,7 @@ class AgentNode:
         self._load = Load()
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
-        self._sign = signing.signer(topic, msg.HostEvent)
-        self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
-        )
+        self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = may_restart(arguments.restart_as_root)
@@ -145,7 +142,7 @@ class AgentNode:
             received=self._load.received,
             transmitted=self._load.sent,
         )
-        publish(self._publisher, self._sign(message))
+        publish(self._publisher, message)
 
 
 def main() -> None:

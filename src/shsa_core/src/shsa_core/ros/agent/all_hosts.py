@@ -17,7 +17,7 @@ from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, address, master_api
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.workers import Workers
 
@@ -72,7 +72,7 @@ class AllHosts:
                 host.take_up()
             with self._lock:
                 self._remote = {**self._remote, name: host}
-            self._subscribe(name, host)
+            self._hear(host)
             self._begun.set()
 
     def take_up(self) -> List[str]:
@@ -148,21 +148,17 @@ class AllHosts:
     # The conversations with the agents.
 
     def _host(self, name: str) -> RemoteHost:
-        topic = names.host_commands(name)
-        sign = self._signing.signer(topic, msg.HostCommand)
-        publisher = rospy.Publisher(
-            topic, msg.HostCommand, queue_size=settings.QUEUE, tcp_nodelay=True
-        )
-        say = lambda **fields: publish(publisher, sign(msg.HostCommand(**fields)))
+        commands = SignedPublisher(self._signing, names.host_commands(name), msg.HostCommand)
+        say = lambda **fields: publish(commands, msg.HostCommand(**fields))
         beats = settings.LOST_BEATS, settings.RETURN_BEATS
         return RemoteHost(name, self._tell, say, *(settings.HEARTBEAT_S * each for each in beats))
 
-    def _subscribe(self, name: str, host: RemoteHost) -> None:
+    def _hear(self, host: RemoteHost) -> None:
         def heard(message: msg.HostEvent) -> None:
             with self._lock:
                 host.heard(message, clock.now())
 
-        topic = names.host_events(name)
+        topic = names.host_events(host.name)
         checked = self._signing.checked(topic, msg.HostEvent)
         subscriber = self._signing.subscribe(topic, checked, heard)
         host.ended = lambda: subscriber.get_num_connections() == 0

@@ -165,6 +165,25 @@ class Signing:
             return  # it is no healer; that it was refused is said
 
 
+class SignedPublisher(rospy.Publisher):  # type: ignore[misc]
+    """Publishes messages of one kind, each signed."""
+
+    def __init__(
+        self,
+        signing: Signing,
+        topic: str,
+        kind: Type[genpy.Message],
+        queue_size: int = settings.QUEUE,
+        listener: Optional[rospy.SubscribeListener] = None,
+    ) -> None:
+        super().__init__(topic, kind, listener, queue_size=queue_size, tcp_nodelay=True)
+        self.signed = signing.signer(topic, kind)
+
+    def publish(self, message: genpy.Message) -> None:
+        """Sign and publish a message."""
+        super().publish(self.signed(message))
+
+
 class Refusals:
     """Counts the refused messages by topic, by the name that their sender claims, and by reason."""
 
