@@ -3,15 +3,17 @@ import threading
 from contextlib import suppress
 from typing import Any, Callable, Dict, FrozenSet, Iterable, List
 
+import genpy
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
+from shsa_core.model.field_value import Field
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
-from shsa_core.substitution.composing import Composed
+from shsa_core.substitution.composing import compose, normalize, quaternions
 from shsa_core.substitution.events import Compose, Publish
 
 
@@ -29,7 +31,7 @@ class Outputs:
         self._joined = joined
         self._publishers: Dict[str, rospy.Publisher] = {}
         self._seen: Dict[str, List[Any]] = {}
-        self._composed: Dict[str, Composed] = {}
+        self._composed: Dict[str, _Composed] = {}
         self._lock = threading.Lock()
 
     def advertise(self, topic: str, kind: str, latched: bool = False) -> None:
@@ -75,10 +77,7 @@ class Outputs:
 
     def compose(self, command: Compose) -> None:
         """Have the messages of a topic start from its last good one, as far as it can be read."""
-        kind, last = message_class(command.type), None
-        with suppress(ShsaError):  # it may be of another version of the type
-            last = read_message(kind, command.last_message) if command.last_message else None
-        self._composed[command.topic] = Composed(kind, last, command)
+        self._composed[command.topic] = _Composed(command)
 
     def publish(self, command: Publish) -> None:
         """Publish values in the fields of one message of a topic that was composed."""
@@ -87,8 +86,6 @@ class Outputs:
         if publisher is None:
             return  # withdrawn already
         message = self._composed[topic].message(command)
-        if message._has_header:
-            message.header.stamp = clock.from_ns(command.stamp)
         if not command.only and not command.served:
             publisher.publish(message)
             return
@@ -99,3 +96,27 @@ class Outputs:
 def _goes_to(command: Publish, connection: Any) -> bool:
     consumer = connection.endpoint_id
     return bool(consumer == command.only if command.only else consumer not in command.served)
+
+
+class _Composed:
+    """The message of a topic, written anew each time: whoever publishes it serializes it first."""
+
+    def __init__(self, command: Compose) -> None:
+        kind = message_class(command.type)
+        last = None
+        with suppress(ShsaError):  # it may be of another version of the type
+            last = read_message(kind, command.last_message) if command.last_message else None
+        self._message = compose(kind, last, command.others, dict(command.written))
+        self._fields = {name: Field(kind, name) for name, _ in command.written}
+        self._quaternions = tuple(quaternions(self._message))
+
+    def message(self, command: Publish) -> genpy.Message:
+        """Return the message with the values and the stamp of a command."""
+        message = self._message
+        for signal, value in zip(command.outputs, command.values):
+            self._fields[signal.field].set(message, value)
+        for quaternion in self._quaternions:
+            normalize(quaternion)
+        if message._has_header:
+            message.header.stamp = clock.from_ns(command.stamp)
+        return message

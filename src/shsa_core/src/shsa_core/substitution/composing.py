@@ -4,10 +4,8 @@ import re
 from typing import Any, Dict, Iterator, Mapping, Optional, Tuple
 
 from shsa_core.model.field_type import FLOATS
-from shsa_core.model.field_value import Field
 from shsa_core.model.kinds import Others
 from shsa_core.model.conventions import CONVENTIONS, GENERIC, Convention, Covariance, Mark
-from shsa_core.substitution.events import Compose, Publish
 
 HEADER, QUATERNION = "std_msgs/Header", "geometry_msgs/Quaternion"
 _INDEX = re.compile(r"\[[^\]]*\]")
@@ -15,26 +13,6 @@ _ANGLE = re.compile(r"(roll|pitch|yaw)\((.*)\)\Z")
 
 Written = Mapping[str, Optional[float]]
 """The fields that are computed, each with its standard deviation; None: not known."""
-
-
-class Composed:
-    """The message of a topic, written anew each time: whoever publishes it serializes it first.
-
-    `last`: its last good one, which it takes; None: not known.
-    """
-
-    def __init__(self, kind: Any, last: Optional[Any], command: Compose) -> None:
-        self._message = compose(kind, last, command.others, dict(command.written))
-        self._fields = {name: Field(kind, name) for name, _ in command.written}
-        self._quaternions = tuple(quaternions(self._message))
-
-    def message(self, command: Publish) -> Any:
-        """Return the message with the values of a command. Raises ShsaError if one does not fit."""
-        for signal, value in zip(command.outputs, command.values):
-            self._fields[signal.field].set(self._message, value)
-        for quaternion in self._quaternions:
-            normalize(quaternion)
-        return self._message
 
 
 def compose(message_class: Any, last: Optional[Any], others: Others, written: Written) -> Any:
