@@ -70,6 +70,7 @@ class ReconfiguratorNode:
     def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
+        self._reloading = threading.Lock()
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
@@ -222,14 +223,18 @@ class ReconfiguratorNode:
             rospy.logwarn("Healing only advises. It acts by `act: true` in %s.", self._files.som)
 
     def reload(self) -> str:
-        """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
-        ontology, som = read_models(self._files.ontology, self._files.som)
-        self._som_watch.replace(som)
-        self._listen(som)
-        self._hear_monitors(som)
-        put_som(som)
-        self._may_act(som)
-        self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
+        """Read ontology and SOM again; what was read. Raises ModelError, with every error.
+
+        From any thread but that of the events: it waits for the master.
+        """
+        with self._reloading:
+            ontology, som = read_models(self._files.ontology, self._files.som)
+            self._som_watch.replace(som)
+            self._listen(som)
+            self._hear_monitors(som)
+            put_som(som)
+            self._may_act(som)
+            self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
 
@@ -343,10 +348,13 @@ class ReconfiguratorNode:
         except OSError:  # nothing was added
             self._added = 0.0
         if before != self._added:
-            try:
-                rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
-            except ShsaError as error:
-                rospy.logerr("Refused: %s", error)
+            self._commands.put(self._reload_added)
+
+    def _reload_added(self) -> None:
+        try:
+            rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
+        except ShsaError as error:
+            rospy.logerr("Refused: %s", error)
 
     def _maintain(self, on: bool) -> None:
         maintain(rospy.get_namespace(), on)
