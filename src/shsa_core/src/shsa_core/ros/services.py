@@ -111,16 +111,12 @@ class Services:
 
     def _acted(self, response: Any, act: Callable[[], str]) -> Any:
         """Return the response to a call that changes something: what was done, or why not."""
+        if not self._operator:
+            return response(False, NO_OPERATOR)
         try:
-            self._refuse_requests()
             return response(True, act())
         except ShsaError as error:
             return response(False, str(error))
-
-    def _refuse_requests(self) -> None:
-        """Raise ShsaError unless what changes something is done for anybody."""
-        if not self._operator:
-            raise ShsaError(NO_OPERATOR)
 
     def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
         def release() -> str:
@@ -142,7 +138,8 @@ class Services:
 
     def _substitute(self, goal: msg.SubstituteGoal) -> None:
         try:
-            self._refuse_requests()
+            if not self._operator:
+                raise ShsaError(NO_OPERATOR)
             service = self._needed(goal.topic)
             if self._core.robot.maintained:
                 raise ShsaError("refused: maintenance is on, and nothing is started")

@@ -190,5 +190,6 @@ class AllHosts:
                 beat_at = now + settings.HEARTBEAT_S
                 if self._own:  # as agents tell of theirs
                     self._load.look(now)
-                    self._tell(self._load.seen(now, self._own))
+                    load = self._load.busy, self._load.cores, self._load.sent, self._load.received
+                    self._tell(events.HostSeen(now, self._own, *load))
             rospy.rostime.wallsleep(settings.TICK_S)

@@ -96,7 +96,7 @@ def read_message(message_class: Type[genpy.Message], data: bytes) -> genpy.Messa
         message.serialize(again)
     except (genpy.MessageException, struct.error, ValueError, OverflowError) as error:
         raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {error}") from error
-    if len(again.getvalue()) != len(data):
-        rest = len(data) - len(again.getvalue())
+    rest = len(data) - again.tell()
+    if rest:
         raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {rest} are left over")
     return message

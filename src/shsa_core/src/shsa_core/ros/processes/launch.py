@@ -23,8 +23,7 @@ import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, resolved, uri_of
-from shsa_core.ros.master.node_api import pid as pid_of
+from shsa_core.ros.master.node_api import FAILURES, pid as pid_of, resolved, uri_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import is_local, listener
 from shsa_core.ros.workers import Workers
