@@ -157,7 +157,8 @@ class ReconfiguratorNode:
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, som, self._hosts.take_up())
         self._records = heritage.file
-        self._heed_maintenance()
+        if maintained(rospy.get_namespace()):  # known before anything is started
+            self._heed_maintenance()
         self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
