@@ -1,7 +1,4 @@
-"""The proof of a node that it holds the secret, and uses a master: text, signed with a nonce.
-
-It is read only if the signature is right.
-"""
+"""The proof of a node that it holds the secret, and uses a master: text, signed with a nonce."""
 import hmac
 import json
 from typing import Any, FrozenSet, NamedTuple, Sequence

@@ -1,7 +1,4 @@
-"""The computers of the robot as one Host: each command goes to the computer that it is about.
-
-With another computer healing talks by way of the agent there (hosts/conversation).
-"""
+"""The robot's computers as one Host: each command goes to its own, by an agent if need be."""
 import threading
 from functools import partial
 from typing import Callable, Dict, Iterable, List
