@@ -23,11 +23,12 @@ ROWS = {
     "large_messages": {"nothing comes", "copied", "dropped"},
     "kilohertz": {"1000"},
     "large_robots": {"10"},
+    "endurance": {"/monitor", "/reconfigurator", "prepared", *(f"lost_{n}" for n in range(2, 8))},
     "load": {"nine nodes"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 HEALTHY = ("healthy_traffic", "healthy_robots", "healthy_nodes")
-UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots", "load")
+UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots", "load", "endurance")
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 

@@ -1,10 +1,11 @@
-"""Many incidents, one after the other: do monitor and reconfigurator grow?
+"""Many incidents, one after the other: does healing grow?
 
     python3 endurance.py [--incidents N] [--short] [--results DIR]
 
-Nodes are killed with `kill -9`, healed, and started again, several at a time. After each round it
-is noted what monitor and reconfigurator hold: memory, threads, descriptors. Writes endurance.csv.
-Exit status 1 if anything has grown from the first half to the second.
+Nodes are killed with `kill -9`, healed, and started again, several at a time: most have a hot
+substitute. After each round it is noted what monitor, reconfigurator, the hot substitutes and the
+process that forks others hold: memory, threads, descriptors. Writes endurance.csv. Exit status 1 if
+anything has grown from the first half to the second.
 """
 import argparse
 import csv
@@ -14,8 +15,9 @@ import sys
 import time
 from pathlib import Path
 from statistics import median
-from typing import Dict, Iterable, List, NamedTuple
+from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 
+import psutil
 import rospy
 from shsa_msgs.msg import Incident
 
@@ -26,10 +28,11 @@ from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02
 AT_ONCE = 8
-COLD = 1
-"""Of those so many have no substitute beforehand: a process is made for each of their incidents."""
+STANDBY = ("cold", "warm", *("hot",) * 6)
+"""Of the nodes that fail: a process is made for each incident of the first."""
 PATIENCE_S = 60.0
 NODES = ("/monitor", "/reconfigurator")
+PREPARED = "prepared"
 WARM_UP = 5
 """Rounds: memory that Python and rospy take once and keep."""
 ALLOWED = {"rss_kb": 1024.0, "threads": 2.0, "descriptors": 4.0}
@@ -38,21 +41,19 @@ TIRELESS = "hold_off:=0.3", "switches:=0"
 
 
 class Held(NamedTuple):
-    """The resources that a node holds after so many incidents."""
+    """The resources that a process holds after so many incidents; a substitute by its service."""
 
+    process: str
     incidents: int
-    node: str
     rss_kb: float
     threads: float
     descriptors: float
 
 
-def held(incidents: int, node: str) -> Held:
-    """Return the resources that a node holds now. Raises AssertionError if it is not up."""
-    process = node_process(node)
-    assert process is not None, f"{node} is not up"
+def held(name: str, process: psutil.Process, incidents: int) -> Held:
+    """Return the resources that a process holds now."""
     rss = process.memory_info().rss / 1024.0
-    return Held(incidents, node, rss, process.num_threads(), process.num_fds())
+    return Held(name, incidents, rss, process.num_threads(), process.num_fds())
 
 
 class Robot:
@@ -67,8 +68,7 @@ class Robot:
         self._nodes = {topic: self._start(topic) for topic in self.topics}
         services = [service("/steady", "/steady", PERIOD_S)]
         for number, topic in enumerate(self.topics):
-            standby = "cold" if number < COLD else "hot"
-            node = topic + "_node"
+            node, standby = topic + "_node", STANDBY[number]
             services.append(service(topic, node, PERIOD_S, needed=True, standby=standby))
         names = ["steady", *(topic[1:] for topic in self.topics)]
         model = {
@@ -94,13 +94,28 @@ class Robot:
         """Wait until all is well, and the hot substitutes are there."""
         healing = self._graph.healing
         healing.await_available("/steady", *self.topics, seconds=PATIENCE_S)
-        hot = AT_ONCE - COLD
 
         def ready() -> bool:
-            rows = {row.node for row in healing.substitutions if row.service}
-            return len(rows) == hot and rows <= {*registered_nodes()}
+            hot = self._hot()
+            return len(hot) == STANDBY.count("hot") and {*hot.values()} <= {*registered_nodes()}
 
         wait_until(ready, PATIENCE_S, "the hot substitutes")
+
+    def _hot(self) -> Dict[str, str]:
+        """Return the hot substitutes by their services."""
+        hot = {topic[1:] for topic, how in zip(self.topics, STANDBY) if how == "hot"}
+        rows = self._graph.healing.substitutions
+        return {row.service: row.node for row in rows if row.service in hot}
+
+    def processes(self) -> Iterator[Tuple[str, psutil.Process]]:
+        """Yield what goes on from incident to incident. Raises AssertionError if it is not up."""
+        for name, node in (*zip(NODES, NODES), *sorted(self._hot().items())):
+            process = node_process(node)
+            assert process is not None, f"{node} is not up"
+            yield name, process
+        for process in self._graph.processes():
+            if "--prepared" in process.cmdline():
+                yield PREPARED, process
 
     def fail_once(self) -> None:
         """Every node fails, is healed and comes back."""
@@ -116,19 +131,18 @@ class Robot:
         self.await_well()
 
 
-def grown(rows: Iterable[Held]) -> List[List[str]]:
-    """Print what each node held in the two halves, and the verdict."""
+def grown(rows: Sequence[Held]) -> List[List[str]]:
+    """Return what each process held in the two halves, and the verdict."""
     table = []
-    for node in NODES:
-        of_node = [row for row in rows if row.node == node][WARM_UP:]
-        half = len(of_node) // 2
-        for name, allowed in ALLOWED.items():
+    for name in dict.fromkeys(row.process for row in rows):
+        later = [row for row in rows if row.process == name][WARM_UP:]
+        half = len(later) // 2
+        for what, allowed in ALLOWED.items():
             first, second = (
-                median(getattr(row, name) for row in part)
-                for part in (of_node[:half], of_node[half:])
+                median(getattr(row, what) for row in part) for part in (later[:half], later[half:])
             )
             verdict = "flat" if second - first <= allowed else "GROWS"
-            table.append([node, name, f"{first:.0f}", f"{second:.0f}", verdict])
+            table.append([name, what, f"{first:.0f}", f"{second:.0f}", verdict])
     return table
 
 
@@ -136,10 +150,10 @@ def main() -> int:
     """Measure, write and show."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--incidents", type=int, default=10_000)
-    parser.add_argument("--short", action="store_true", help="160 incidents")
+    parser.add_argument("--short", action="store_true", help="96 incidents")
     parser.add_argument("--results", default="results/bench")
     arguments = parser.parse_args()
-    wanted = 160 if arguments.short else arguments.incidents
+    wanted = 96 if arguments.short else arguments.incidents
     folder = Path(arguments.results)
     folder.mkdir(parents=True, exist_ok=True)
     rows: List[Held] = []
@@ -151,14 +165,14 @@ def main() -> int:
         while count < wanted:
             robot.fail_once()
             count += AT_ONCE
-            new = [held(count, node) for node in NODES]
+            new = [held(*each, count) for each in robot.processes()]
             rows += new
             writer.writerows(new)
             file.flush()
             if count % (10 * AT_ONCE) == 0:
                 print(f"{count} incidents in {time.monotonic() - begun:.0f} s", flush=True)
     table = grown(rows)
-    columns = ("node", "what", "first half", "second half", "verdict")
+    columns = ("process", "what", "first half", "second half", "verdict")
     print_table(f"{count} incidents", columns, table)
     return int(any(row[-1] != "flat" for row in table))
 

@@ -49,6 +49,11 @@ class Takeover(NamedTuple):
     late: int = 0
     substitute: str = ""
 
+    @property
+    def silence_ms(self) -> float:
+        """The time from the last good message at the rospy consumer to the substitute's first."""
+        return float(sum(getattr(self, f"{step}_ms") for step in STEPS))
+
     def in_words(self) -> List[str]:
         """Return a row of a CSV file."""
         return [f"{each:.3f}" if isinstance(each, float) else str(each) for each in self]

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from substitute_driver import PERIOD, Driver, idle, only, row, signal
 from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.substitution import events
-from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, STEADY, YIELD_S
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, STEADY
 from shsa_testing.thorough import many
 
 BRIDGE = 2.5 * PERIOD
@@ -283,7 +284,7 @@ def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_fille
     robot._note(robot.driver.change(bridges(original="/original")))
     robot.stream(1.2).to(1.5)
     assert robot.looks == []
-    robot.to(1.0 + YIELD_S + 0.1)
+    robot.to(1.0 + CHANGEOVER_S + 0.1)
     assert robot.filled
 
 

@@ -8,7 +8,7 @@ import rospy
 from rosgraph_msgs.msg import Clock, Log
 from shsa_msgs.msg import Failure, Health, Substitution, Substitutions
 
-from graph import FAULTY_PUBLISHER, Graph
+from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph
 from reliability.publishers import TIRELESS
 from reliability.rig import NODES, Rig
 from reliability.scoreboard import Figures, Line, Trial
@@ -146,11 +146,13 @@ def shout(topic: str, message: object) -> None:
 
 
 def spoof(rig: Rig, rng: random.Random) -> None:
-    """Publish nonsense on the topic for a while."""
+    """Publish nonsense on the topic for a while, or until healing ends it: that may be sooner."""
     name = f"stranger_{rng.randrange(10**6)}"
     arguments = ["_topic:=/a", "_value:=1000.0", "_period:=0.02", f"__name:={name}"]
+    begun = time.monotonic()
     process = rig.graph.python(FAULTY_PUBLISHER, *arguments)
-    rig.consumers.await_node("/" + name, time.monotonic())
+    heard = lambda: any(each.node == "/" + name for each in rig.messages("/a", begun))
+    wait_until(lambda: heard() or process.poll() is not None, PATIENCE_S, "the stranger is heard")
     rospy.rostime.wallsleep(1.0)
     process.kill()
     process.wait()

@@ -7,11 +7,11 @@ from typing import Any, List
 import pytest
 
 from shsa_core.cli.main import main
+from shsa_core.derivations.calibrator import SOURCE
 from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.calibration import SOURCE
 from shsa_learning.acceptance import advice
 
 SOM = """\

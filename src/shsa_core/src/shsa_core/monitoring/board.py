@@ -1,22 +1,15 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
-from collections import defaultdict
 from math import inf
-from typing import DefaultDict, Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.model.checks import BY_VALUE
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
+from shsa_core.model.log import Level, Log
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import (
-    Command,
-    HealthChanged,
-    Key,
-    PublisherHealth,
-    PublisherState,
-    SubstitutionsChanged,
-    Told,
-)
+from shsa_core.monitoring.events import Command, HealthChanged, SubstitutionsChanged
 from shsa_core.monitoring.publishers import (
     NOBODY,
     Publisher,
@@ -41,7 +34,7 @@ class Substitutes:
 
     def __init__(self) -> None:
         self._rows: Dict[str, Substitution] = {}
-        self._of_node: DefaultDict[str, Dict[str, Substitution]] = defaultdict(dict)
+        self._of_node: Dict[str, Dict[str, Substitution]] = {}
 
     def change(self, event: SubstitutionsChanged) -> List[Change]:
         """Take a change of the table; return which rows it changes."""
@@ -51,12 +44,14 @@ class Substitutes:
         for key in [key for key in gone if key in self._rows and key not in new]:
             row = self._rows.pop(key)
             del self._of_node[row.node][key]
+            if not self._of_node[row.node]:
+                del self._of_node[row.node]
             changes.append((row.node, row, None))
         for key, row in new.items():
             before = self._rows.get(key)
             if before != row:
                 changes.append((row.node, before, row))
-            self._rows[key] = self._of_node[row.node][key] = row
+            self._rows[key] = self._of_node.setdefault(row.node, {})[key] = row
         return changes
 
     def row(self, topic: str, node: str) -> Optional[Substitution]:
@@ -65,7 +60,7 @@ class Substitutes:
         An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         """
         rows = self._of_node.get(node)
-        if not rows:
+        if rows is None:
             return None
         here = [row for row in rows.values() if topic in row.topics]
         return (here or [*rows.values()])[0]
@@ -96,24 +91,32 @@ class Board:
         found = self.topics.get(topic)
         return found.publishers.get(name) if found else None
 
+    def is_there(self, service: Service) -> bool:
+        """Tell if the own node of a service is healthy, and has told something."""
+        node = self.find(service.topic, service.node)
+        return node is not None and node.is_healthy and node.last_good is not None
+
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the row of every publisher."""
         return tuple(publisher.row() for publisher in self.all())
 
-    def say(self, command: Command) -> None:
+    def say(self, commands: Iterable[Command]) -> None:
         """Say something beside the rows that have changed."""
-        self._said.append(command)
+        self._said += commands
+
+    def warn(self, text: str) -> None:
+        """Warn people."""
+        self.say([Log(Level.WARN, text)])
 
     def commands(self) -> List[Command]:
         """Return the changed rows, and what else is said, since the last call."""
-        commands: List[Command] = []
+        commands, self._said = self._said, []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
             rows = tuple(publisher.row() for publisher in found.values() if publisher)
             removed = tuple(key for key, publisher in found.items() if not publisher)
-            commands.append(HealthChanged(self.now, rows, removed, tuple(self._failed)))
-        commands += self._said
-        self._failed, self._touched, self._said = [], {}, []
+            commands.insert(0, HealthChanged(self.now, rows, removed, tuple(self._failed)))
+        self._failed, self._touched = [], {}
         return commands
 
     # Who is who
@@ -140,12 +143,6 @@ class Board:
         row = self.substitution(publisher)
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
-
-    def upstream(self, service: Service) -> Iterator[Publisher]:
-        """Yield the publishers of what a service is computed from."""
-        for topic in self.topics.values():
-            if not topic.services.keys().isdisjoint(service.upstream):
-                yield from topic.publishers.values()
 
     # Changes
 
@@ -176,7 +173,7 @@ class Board:
         watched.bridged += 1
         if watched.bridged == 1:
             what = f"{publisher.name} has filled in for a late message"
-            self.say(Told(self.now, f"{publisher.topic.name}: {what}. This is no failure"))
+            self.warn(f"{publisher.topic.name}: {what}. This is no failure")
 
     def meet(self, topic: WatchedTopic, name: str, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
@@ -235,7 +232,7 @@ class Board:
             self.touch(publisher)
         if log and not publisher.was_logged:
             publisher.logged.add(without_numbers(detail))
-            self.say(Told(self.now, f"{publisher.topic.name}: {publisher.name}: {detail}"))
+            self.warn(f"{publisher.topic.name}: {publisher.name}: {detail}")
 
     def become_healthy(self, publisher: Publisher) -> None:
         """Find a publisher healthy."""

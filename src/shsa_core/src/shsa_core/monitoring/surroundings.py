@@ -4,10 +4,11 @@ from dataclasses import replace
 from math import inf
 from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
+from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
 from shsa_core.monitoring.board import Board
-from shsa_core.monitoring.publishers import Publisher
+from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.watch import Watch
 
 
@@ -39,11 +40,11 @@ class Surroundings:
         self._watch.look(self._board.now, self._board.now - late)
         self._silent = None
 
-    def connected(self, node: str, substitute: bool) -> None:
+    def connected(self, topic: WatchedTopic, node: str, substitute: bool) -> None:
         """Note a connection to a node; a `substitute` comes up, and may listen to all."""
         if substitute:
             self._came_up = self._board.now
-        else:
+        elif node in topic.nodes:  # of others there may be any number
             self._connected[node] = self._board.now
 
     def clock(self, waited: Iterable[Tuple[str, float]]) -> None:
@@ -72,7 +73,7 @@ class Surroundings:
     def slow(self, blame: Blame, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
         time = self._board.now
-        if not 0.0 <= time - self._looked < settings.SAMPLE_S:
+        if not 0.0 <= time - self._looked < SAMPLE_S:
             self._looked = time
             slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
             self._slow = len({each.name for each in slow})

@@ -15,15 +15,15 @@ from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.hosts.conversation import HostState
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
-from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.text import shown
 from shsa_core.trust.computers import Met

@@ -20,6 +20,7 @@ from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som, read_som
 from shsa_core.model.conventions import with_unknowns
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.som import Som
@@ -28,16 +29,16 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.node import guarded, read_parameters, recorded, run
-from shsa_core.ros.processes.watching import Companion
+from shsa_core.ros.master import som_parameter
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
-from shsa_core.ros.master import som_parameter
-from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import filled
@@ -69,7 +70,7 @@ class MonitorNode:
         self._reader = Reader()
         self._last_messages = LastMessages()
         self._parameters = Workers("parameters")
-        self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
+        self._changes: Dict[Key, Optional[PublisherHealth]] = {}
         self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
         health, calibrations = (
             names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
@@ -87,9 +88,7 @@ class MonitorNode:
                 events.HealthChanged: self._tell_health,
                 events.ChangeRefused: self._put_back,
                 events.CalibrationsChanged: self._tell_calibrations,
-                events.Told: lambda c: (rospy.logwarn if c.warning else rospy.loginfo)(
-                    "%s.", c.text
-                ),
+                events.Log: lambda c: LOG[c.level]("%s.", c.text),
             },
         )
         self._to_watch: Deque[str] = deque()

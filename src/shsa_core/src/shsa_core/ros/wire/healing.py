@@ -8,17 +8,18 @@ from shsa_msgs import msg, srv
 from std_msgs.msg import Header
 
 from shsa_core.codegen.plans import Plan
+from shsa_core.derivations.calibrator import SOURCE
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
 from shsa_core.model.calibration import Calibration
+from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Program, Substitution
-from shsa_core.monitoring.calibration import SOURCE
-from shsa_core.monitoring.events import CalibrationRow, FormerlyHealthy, Key, PublisherHealth
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.events import FormerlyHealthy, SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
 from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of

@@ -13,9 +13,9 @@ import genpy
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.names import NUMBERED
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Word
+from shsa_core.model.names import NUMBERED
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.ros import clock
