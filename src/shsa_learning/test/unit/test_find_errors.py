@@ -6,7 +6,6 @@ from typing import Any, Callable, Dict, Tuple
 import pytest
 
 from shsa_core.cli.main import main
-from shsa_learning.substitutes import substitutes
 from shsa_core.codegen.fusion import fuse
 from shsa_core.codegen.generator import generate
 from shsa_core.files.ontology_file import read_ontology
@@ -16,6 +15,7 @@ from shsa_core.model.error import Error
 from shsa_core.planning.planner import Calibrations
 from shsa_core.search.derivation import Derivation
 from shsa_learning.cli import find
+from shsa_learning.substitutes import substitutes
 
 ONTOLOGY = """\
 properties: {y: {unit: A, usual: [0, 5]}, w: {usual: [0, 1]}, x: {usual: [0, 1]}, z: }

@@ -339,10 +339,10 @@ class Substitute:
         planner, plan, found = self._robot.planner, self.plan, None
         if plan is None or not planner.errs_more(plan):
             return None
-        tried = self.tried | {plan}
+        tried, excluded = self.tried | {plan}, self._robot.health.doomed | {faulty}
         with suppress(ShsaError):
             for _ in range(LOOKED_AT):
-                another = planner.plan(service, tried, faulty)
+                another = planner.plan(service, excluded, tried)
                 found = another if planner.errs_more(found or plan, another) else found
                 tried |= {another}
         return found
