@@ -121,6 +121,16 @@ def test_what_errs_too_much_is_not_used_and_it_is_said_why(
     assert why in text
 
 
+def test_without_a_master_nothing_live_is_waited_for(
+    shsa: Shsa, monkeypatch: Any, capsys: Any
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
+    monkeypatch.setenv("ROS_NAMESPACE", "/")  # which it sets
+    with pytest.raises(AssertionError):
+        shsa("find", "y", "--live")
+    assert "no ROS master answers at http://localhost:1" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("fuses", [False, True])
 def test_explain_says_why_values_are_fused_or_not(
     shsa: Shsa, tmp_path: pathlib.Path, monkeypatch: Any, fuses: bool

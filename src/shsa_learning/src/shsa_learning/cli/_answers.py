@@ -245,9 +245,10 @@ def _explanation(asked: Asked, loss: Loss) -> Answer:
 
 def _fusion(asked: Asked, loss: Loss) -> str:
     """Return which derivations are fused, or why none are."""
-    if asked.measured is None or asked.predictor is None:
+    if asked.measured is None:
         return "none: it takes errors at the same moments, of a running robot (--live)"
-    found = [each.function for each in asked.predictor.fusions if each.function.output == loss.name]
+    fusions = asked.predictor.fusions if asked.predictor else ()
+    found = [each.function for each in fusions if each.function.output == loss.name]
     if found:
         return f"{found[0].relation} errs clearly less than each part: {found[0].text}"
     return "none: no sum of what is calibrated has erred 5 % less than the best part of it"

@@ -1,9 +1,11 @@
 """Asks a running monitor what it has measured of what would replace its services."""
+import rosgraph
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.planning.planner import Calibrations
+from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.healing import calibrations_heard
 
@@ -12,6 +14,11 @@ PATIENCE_S = 5.0
 
 def calibrations() -> Calibrations:
     """Return the calibrations of healing as it runs here. Raises ShsaError if none is heard."""
+    try:
+        master_api("/shsa_find").getPid()
+    except FAILURES as error:
+        text = f"no ROS master answers at {rosgraph.get_master_uri()}: {error}"
+        raise ShsaError(text) from error
     rospy.init_node("shsa_find", anonymous=True, disable_signals=True, disable_rostime=True)
     topic = rospy.resolve_name(names.CALIBRATIONS)
     try:
