@@ -13,6 +13,7 @@ from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.nearest import nearest
 
+
 @dataclass(frozen=True)
 class Substitute:
     """The result of a search: derivation, quality in (0, 1], and whether it is proven best."""
