@@ -142,8 +142,12 @@ def test_a_release_can_be_prepared(tmp_path: Path) -> None:
         )
         assert done.returncode == 0, done.stdout
     assert "do not have a changelog" not in done.stdout
+    tags = subprocess.run(
+        ["git", "tag"], cwd=str(tmp_path), stdout=subprocess.PIPE, universal_newlines=True
+    ).stdout.split()
     for folder, package in packages():
         text = (tmp_path / folder.relative_to(ROOT) / "CHANGELOG.rst").read_text("utf-8")
         newest = re.search(r"^([0-9.]+) \([0-9-]+\)$", text, re.MULTILINE)
         assert newest is not None and newest.group(1) != package.version
+        assert tags == [newest.group(1)]
         assert "\nForthcoming\n" not in text

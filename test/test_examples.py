@@ -1,7 +1,9 @@
 """The examples are valid."""
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any, Iterator
 from xml.etree import ElementTree
 
 import pytest
@@ -9,6 +11,7 @@ from listings import ROOT
 
 from shsa_core import message_types
 from shsa_core.analysis.check import check_files
+from shsa_core.files.som_file import read_som
 
 EXAMPLES = sorted(path.parent for path in ROOT.glob("examples/*/README.md"))
 
@@ -33,3 +36,45 @@ def test_the_current_of_the_example_is_replaced() -> None:
     done = subprocess.run(command, stdout=subprocess.PIPE, universal_newlines=True)
     assert done.returncode == 0
     assert "inputs  /power/data,/voltage/data\noutput  /current/data" in done.stdout
+
+
+ROVER = ROOT / "src" / "shsa_rover" / "ontology" / "rover_som.yaml"
+SHOWN = {"/diagnostics": "diagnostic_msgs/DiagnosticArray", "/rosout": "rosgraph_msgs/Log"}
+OF_HEALING = {"/shsa/incidents": "shsa_msgs/Incident", **SHOWN}
+NUMBERS = ("float32", "float64", "int32", "uint32")
+
+
+def type_of(path: str) -> str:
+    """Return the type of a field of a topic of the rover. Raises KeyError if there is none."""
+    types = {**{each.topic: each.type for each in read_som(str(ROVER))}, **OF_HEALING}
+    topic = max((each for each in types if path.startswith(each)), key=len, default="")
+    kind = types[topic]
+    for name in filter(None, path[len(topic) :].replace("/", ".").split(".")):
+        message = message_types.message_class(kind)
+        kind = dict(zip(message.__slots__, message._slot_types))[name]
+    return kind
+
+
+def panels(layout: Any) -> Iterator[str]:
+    """Yield the panels that a part of a layout of Foxglove names."""
+    if isinstance(layout, str):
+        yield layout
+    else:
+        yield from (*panels(layout["first"]), *panels(layout["second"]))
+
+
+def test_the_layout_of_plotjuggler_names_numbers_of_the_rover() -> None:
+    layout = ElementTree.parse(str(ROOT / "examples" / "rover_plotjuggler.xml"))
+    curves = [str(each.get("name")) for each in layout.iter("curve")]
+    assert curves and {type_of(name) for name in curves} <= {*NUMBERS}
+
+
+def test_the_layout_of_foxglove_names_fields_of_the_rover() -> None:
+    layout = json.loads((ROOT / "examples" / "rover_foxglove.json").read_text("utf-8"))
+    configured = layout["configById"]
+    assert {*panels(layout["layout"])} == {*configured}
+    for name, panel in configured.items():
+        kinds = {type_of(path["value"]) for path in panel.get("paths", ())}
+        assert kinds <= {*(("string",) if name.startswith("StateTransitions") else NUMBERS)}
+        if "topicToRender" in panel:
+            assert type_of(panel["topicToRender"]) == SHOWN[panel["topicToRender"]]

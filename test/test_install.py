@@ -97,7 +97,11 @@ def ask(environment: Dict[str, str], wanted: str, *command: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["shsa_core", "shsa_learning", "shsa_injection", "shsa_view", "diff_drive_example"]
+    "name",
+    [
+        *("shsa_core", "shsa_learning", "shsa_injection", "shsa_view", "shsa_rqt"),
+        "diff_drive_example",
+    ],
 )
 def test_packages_are_found_where_they_are_installed(
     environment: Dict[str, str], name: str

@@ -8,6 +8,7 @@ import argparse
 import csv
 import json
 import socket
+import subprocess
 import threading
 import time
 from contextlib import suppress
@@ -101,6 +102,31 @@ def measure(port: int, pids: Dict[str, int], readers: int, seconds: float) -> Di
     return row
 
 
+def started(graph: Graph, period: float, port: int) -> "Dict[str, subprocess.Popen[str]]":
+    """Start the sources of all topics, healing and the view, which shows them then."""
+    nodes = ["/stream_source", *(f"/another_source_{k}" for k in range(1, SOURCES))]
+    services = [
+        service(f"/stream_{i}", nodes[i // EACH], period, {"range": [0, 1e9]})
+        for i in range(TOPICS)
+    ]
+    som = write_som(graph.folder / "som.yaml", services)
+    ontology = graph.folder / "ontology.yaml"
+    properties = {f"stream_{i}": {"unit": "s"} for i in range(TOPICS)}
+    ontology.write_text(json.dumps({"properties": properties}))
+    for k, node in enumerate(nodes):
+        words = (str(EACH), str(period), str(k * EACH), f"__name:={node[1:]}")
+        graph.python(BENCH / "stream_source.py", *words)
+    models = ("--ontology", str(ontology), "--som", str(som))
+    processes = {
+        "healer": graph.python(RECONFIGURATOR, *models),
+        "monitor": graph.python(MONITOR, *models),
+        "view": graph.python(VIEW, *models, "--port", str(port)),
+    }
+    shows = lambda: told(port) >= MOSTLY * TOPICS
+    wait_until(shows, PATIENCE_S, "the view shows the services")
+    return processes
+
+
 def main() -> None:
     """Measure, print a table, write the CSV file."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -112,30 +138,13 @@ def main() -> None:
     options.results.mkdir(parents=True, exist_ok=True)
     rows: List[Dict[str, object]] = []
     with Graph() as graph:
-        nodes = ["/stream_source", *(f"/another_source_{k}" for k in range(1, SOURCES))]
-        services = [
-            service(f"/stream_{i}", nodes[i // EACH], PERIOD_S, {"range": [0, 1e9]})
-            for i in range(TOPICS)
-        ]
-        som = write_som(graph.folder / "som.yaml", services)
-        ontology = graph.folder / "ontology.yaml"
-        properties = {f"stream_{i}": {"unit": "s"} for i in range(TOPICS)}
-        ontology.write_text(json.dumps({"properties": properties}))
-        for k, node in enumerate(nodes):
-            words = (str(EACH), str(PERIOD_S), str(k * EACH), f"__name:={node[1:]}")
-            graph.python(BENCH / "stream_source.py", *words)
-        models = ("--ontology", str(ontology), "--som", str(som))
-        healer = graph.python(RECONFIGURATOR, *models)
-        monitor = graph.python(MONITOR, *models)
-        view = graph.python(VIEW, *models, "--port", str(options.port))
-        pids = {"view": view.pid, "monitor": monitor.pid}
-        shows = lambda: told(options.port) >= MOSTLY * TOPICS
-        wait_until(shows, PATIENCE_S, "the view shows the services")
+        processes = started(graph, PERIOD_S, options.port)
+        pids = {name: processes[name].pid for name in ("view", "monitor")}
         for number in range(options.rounds):
             for readers in READERS:
                 found = measure(options.port, pids, readers, options.seconds)
                 rows.append({"readers": readers, "round": number + 1, **found})
-        for process in (view, monitor, healer):
+        for process in reversed([*processes.values()]):
             ask_to_leave(process)
     with open(options.results / "view_price.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)

@@ -5,6 +5,7 @@ import time
 from typing import Any, Sized, Tuple
 
 import pytest
+import rospy
 from plain_sockets import HOST, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
@@ -242,3 +243,16 @@ def test_nothing_is_kept_of_a_node_that_comes_and_goes(monitor: Monitor) -> None
         counts.append(kept())
     for before, after in zip(counts[4], counts[-1]):  # what ends just now may count or not
         assert after <= before + 5
+
+
+def test_a_topic_whose_subscription_could_not_be_ended_can_be_subscribed_again(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    monitor.connect(node)
+    with monkeypatch.context() as broken:
+        broken.setattr(rospy.Subscriber, "unregister", lambda self: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            monitor.connections.unsubscribe(monitor.topic)
+    assert not monitor.connections.topics
+    monitor.connections.subscribe(monitor.topic)
+    monitor.connect(node)

@@ -95,6 +95,22 @@ class Browser:
             )
         )
 
+    def count(self) -> None:
+        """Count what the pages' code does that are opened from now on."""
+        self.driver.execute_cdp_cmd("Profiler.enable", {})
+        options = {"callCount": True, "detailed": True}
+        self.driver.execute_cdp_cmd("Profiler.startPreciseCoverage", options)
+
+    def counted(self) -> int:
+        """Return how often any block of our code has run since it was asked last."""
+        scripts = self.driver.execute_cdp_cmd("Profiler.takePreciseCoverage", {})["result"]
+        functions = [f for each in scripts if "/static/" in each["url"] for f in each["functions"]]
+        return sum(block["count"] for function in functions for block in function["ranges"])
+
+    def count_no_more(self) -> None:
+        """Let code run at its own speed again."""
+        self.driver.execute_cdp_cmd("Profiler.disable", {})
+
     def log(self) -> Log:
         """Return the complaints of the browser since the last call."""
         return list(self.driver.get_log("browser"))

@@ -1,5 +1,5 @@
 """Documents as the server tells them: of a small robot, of a large one, and of a hostile one."""
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, Iterable, List, Optional
 
 Document = Dict[str, Any]
 
@@ -51,7 +51,7 @@ def document(services: Document, **others: Any) -> Document:
     }
 
 
-def incident(number: int = 1, name: str = "amperemeter", **others: Any) -> Document:
+def incident(number: float = 1, name: str = "amperemeter", **others: Any) -> Document:
     """Return an incident that a substitute stands in for, with six of its moments."""
     after = (0.0, 0.021, 0.034, 0.029, 0.031, 0.043)
     began = BEGAN + 60 * number
@@ -137,6 +137,18 @@ HOSTILE_SVG = (
     "<img src='x' onerror='window.hurt = 1'/></body></foreignObject>"
     "<image href='http://127.0.0.1:1/x.png'/>"
 )
+
+
+def drawing_of(names: Iterable[str]) -> Document:
+    """Return the answer of /api/graph for services that provide a property each."""
+    shapes, edges = "", []
+    for place, name in enumerate(names):
+        ends = f"service-{name}", f"property-of-{name}"
+        shapes += f"<g id='edge-{place}' class='edge'><path d='M0 {place}H9'/></g>"
+        shapes += "".join(f"<g id='{each}' class='node'><text>{each}</text></g>" for each in ends)
+        edges.append({"id": f"edge-{place}", "from": ends[0], "to": ends[1]})
+    svg = f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 {len(edges)}'>{shapes}</svg>"
+    return {"svg": svg, "error": "", "edges": edges}
 
 
 def drawing(more: str = "") -> Document:

@@ -1,8 +1,13 @@
 """The page in a real browser, with the real server, which is fed with documents."""
 import copy
+import shlex
+import subprocess
+from pathlib import Path
 from typing import Any, Dict, Iterator, List
 
+import genpy
 import pytest
+import rosbag
 from chromium import PHONE, WIDE, Browser
 from documents import (
     BEGAN,
@@ -11,6 +16,7 @@ from documents import (
     HOSTILE_SVG,
     Document,
     drawing,
+    drawing_of,
     hostile,
     incident,
     large,
@@ -18,8 +24,10 @@ from documents import (
     robot,
 )
 from fed import Fed
+from std_msgs.msg import Float64
 
 from shsa_injection.vocabulary import TOPIC_FAULTS
+from shsa_testing.waiting import wait_until
 
 ROW = "tr[data-service=amperemeter]"
 NODE = "#service-amperemeter"
@@ -199,6 +207,20 @@ def test_the_timeline_has_every_moment_and_outlives_a_reload(browser: Browser, f
     assert browser.focused().startswith("failure seen"), "what is told anew keeps the focus"
 
 
+def test_the_command_of_an_incident_cuts_a_recording(
+    browser: Browser, fed: Fed, tmp_path: Path
+) -> None:
+    with rosbag.Bag(str(tmp_path / "drive.bag"), "w") as bag:
+        for second in range(120):
+            bag.write("/a", Float64(second), genpy.Time(int(BEGAN) + second))
+    fed.state.tell(incidents=[incident(1)])
+    told = "[...document.querySelectorAll('#timeline dd')].map((each) => each.textContent)"
+    command = browser.wait(f"{told}.find((each) => each.startsWith('rosbag filter'))")
+    subprocess.run(shlex.split(command), cwd=str(tmp_path), stdout=subprocess.DEVNULL, check=True)
+    with rosbag.Bag(str(tmp_path / "incident.bag")) as bag:
+        assert [message.data for _, message, _ in bag.read_messages()] == [*range(50, 71)]
+
+
 def test_why_what_to_do_and_values_over_time(browser: Browser, fed: Fed) -> None:
     told = substituted()
     typed = "rosrun shsa_rover amperemeter"
@@ -337,6 +359,44 @@ def test_200_services_and_only_what_changes_is_touched(browser: Browser, served:
     served[0].state.tell(services={"sensor_150": None})
     browser.wait("document.querySelectorAll('#rows tr').length === 199")
     browser.driver.get("about:blank")
+
+
+def all_fail(browser: Browser, fed: Fed) -> int:
+    """Let every service fail at once, with an incident each; return what the page did for it."""
+    services = fed.state.whole["services"]
+    failed = {
+        name: {**row, "state": "substituted", "derivation": [f"service-{name}", "x"]}
+        for name, row in services.items()
+    }
+    incidents = [incident(1 + at / 999, name, key=name) for at, name in enumerate(services)]
+    fed.state.whole["now"] = BEGAN + 120
+    browser.counted()
+    fed.state.tell(services=failed, incidents=incidents)
+    of = f"'{len(services)}'"
+    browser.wait(f"String(document.querySelectorAll('#hour-rows .mark').length) === {of}")
+    rows = "#rows tr[data-state=substituted]"
+    assert browser.run(f"String(document.querySelectorAll('{rows}').length) === {of}")
+    return browser.counted()
+
+
+def test_four_times_the_services_are_at_most_four_times_the_work(
+    browser: Browser, served: List[Fed]
+) -> None:
+    browser.count()
+    done = []
+    for count in (40, 160):
+        served.append(Fed(large(count)))
+        served[-1].answers.drawing = drawing_of(served[-1].state.whole["services"])
+        browser.open(served[-1].address)
+        browser.wait("document.querySelector('#graph svg') !== null")
+        state = served[-1].state
+        wait_until(lambda: len(state.timeline(BEGAN)["services"]) == count, 30.0, "all have states")
+        done.append(all_fail(browser, served[-1]))
+    browser.driver.get("about:blank")
+    browser.count_no_more()
+    few, many = done
+    assert few > 40 * 20, "the page's code is counted"
+    assert many <= 4 * few, done
 
 
 def test_a_lost_connection_says_so_and_comes_back(chromium: Browser, served: List[Fed]) -> None:

@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections import deque
 from functools import partial
-from typing import Deque, Dict, List, Optional, Set
+from typing import Deque, Dict, List, Optional
 
 import rospy
 from shsa_msgs import msg
@@ -94,7 +94,6 @@ class MonitorNode:
                 ),
             },
         )
-        self._watched: Set[str] = set()
         self._to_watch: Deque[str] = deque()
         self._subscribe_at = 0.0
         self._looked = self._told_clock = self._fed = clock.now()
@@ -251,23 +250,23 @@ class MonitorNode:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
         som = with_unknowns(_share(self._arguments, som), message_types.layout)
         topics = list(som.topics())
-        unheard = tuple(topic for topic in topics if topic not in self._watched)
+        heard = set(self._subscriptions.topics)
+        unheard = tuple(topic for topic in topics if topic not in heard)
         self._feed(events.SomChanged(clock.now(), som, unheard))
         self._reader.forget()
-        for topic in self._watched - set(topics):
+        self._to_watch = deque(unheard)
+        for topic in heard - set(topics):
             self._subscriptions.unsubscribe(topic)
             rospy.loginfo("%s is no longer watched.", topic)
-        self._watched &= set(topics)
-        self._to_watch = deque(unheard)
 
     def _subscribe_next(self) -> None:
         if self._to_watch and clock.now() >= self._subscribe_at:
-            topic = self._to_watch.popleft()
-            self._watched.add(topic)
+            self._subscribe_at = clock.now() + settings.PAUSE_S
+            topic = self._to_watch[0]
             self._subscriptions.subscribe(topic)
+            self._to_watch.popleft()
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-            self._subscribe_at = clock.now() + settings.PAUSE_S
 
     def _report(self) -> None:
         counts = self._core.messages()

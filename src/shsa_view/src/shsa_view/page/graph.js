@@ -93,8 +93,7 @@ export class Graph {
   show(whole) {
     if (!this.picture) return;
     const { services } = whole;
-    const derivations = Object.values(services).map((each) => new Set(each.derivation));
-    const runs = new Set(derivations.flatMap((each) => [...each]));
+    const runs = derivationsOf(services);
     const properties = judge(services);
     for (const [id, node] of this.nodes) {
       const told = node.kind === "service" ? services[node.name] : properties.get(id);
@@ -102,13 +101,12 @@ export class Graph {
       node.show({ state, error, runs: runs.has(id), would: this.would.has(id) });
     }
     for (const edge of this.edges) {
-      const both = (set) => set.has(edge.from) && set.has(edge.to);
       const from = this.nodes.get(edge.from);
       const provides = from && from.kind === "service" && from.state !== "idle";
       const flags = {
-        runs: derivations.some(both),
+        runs: together(runs.get(edge.from), runs.get(edge.to)),
         gone: provides && !ALIVE.has(from.state),
-        would: both(this.would),
+        would: this.would.has(edge.from) && this.would.has(edge.to),
       };
       setAttribute(edge.element, "class", classes("edge", flags));
     }
@@ -196,6 +194,25 @@ class Node {
     }
     setText(this.cost, text);
   }
+}
+
+/** The services whose derivation an element is in, by its id. */
+function derivationsOf(services) {
+  const found = new Map();
+  for (const [name, { derivation }] of Object.entries(services)) {
+    for (const id of derivation) {
+      if (!found.has(id)) found.set(id, new Set());
+      found.get(id).add(name);
+    }
+  }
+  return found;
+}
+
+/** Whether one derivation has both; the smaller set is looked through. */
+function together(some, others) {
+  if (!some || !others) return false;
+  const [fewer, more] = some.size < others.size ? [some, others] : [others, some];
+  return [...fewer].some((name) => more.has(name));
 }
 
 /** What each property is: measured, derived or lost; with the error where it is derived. */

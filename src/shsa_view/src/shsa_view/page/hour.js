@@ -44,11 +44,11 @@ export class Hour {
     const { now, services, incidents } = this.told;
     const since = now - this.minutes * 60;
     const place = (time) => ((Math.max(time, since) - since) / (now - since)) * WIDTH;
-    const names = Object.keys(services);
-    const rows = names.map((name) => {
-      const own = incidents.filter((each) => each.service === name && each.from >= since);
-      return this.row(name, services[name], own, place, now);
-    });
+    const marks = new Map(Object.keys(services).map((name) => [name, []]));
+    for (const each of incidents) {
+      if (each.from >= since && marks.has(each.service)) marks.get(each.service).push(each);
+    }
+    const rows = [...marks].map(([name, own]) => this.row(name, services[name], own, place, now));
     this.rows.replaceChildren(...rows, axis(since, now));
     const count = incidents.length;
     setText(byId("hour-count"), count === 1 ? "1 incident" : `${count || "no"} incidents`);

@@ -183,7 +183,7 @@ class Subscriptions:
         self._identities = Identities(self._tell, refused)
         self._reconnection = Reconnection(self._tell)
         self._implementations: Dict[str, HandedOver] = {}
-        self._subscribers: Dict[str, rospy.Subscriber] = {}
+        self.topics: Dict[str, rospy.Subscriber] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
         self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
@@ -193,16 +193,17 @@ class Subscriptions:
         made = lambda transport: self._tell(_Made(topic, transport))
         closed = lambda transport: self._tell(_Closed(topic, transport))
         implementation = self._implementations[topic] = HandedOver(topic, made, closed)
-        self._subscribers[topic] = implementation.subscribe()
+        self.topics[topic] = implementation.subscribe()
 
     def unsubscribe(self, topic: str) -> None:
         """End the subscription of `topic` and its connections."""
         del self._implementations[topic]
-        self._subscribers.pop(topic).unregister()
+        subscriber = self.topics.pop(topic)
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 self._forget(connection)
         self._reconnection.forget(topic)
+        subscriber.unregister()
 
     def choose_waking(self) -> None:
         """Ask again of each topic whether it wakes."""

@@ -1,0 +1,1 @@
+"""A plugin for rqt that shows what the live view serves."""
