@@ -1,9 +1,10 @@
 """The documentation stays short and in plain English: pages, words, ease, and proselint."""
+import ast
 import re
 import subprocess
 from pathlib import Path
 from shutil import which
-from typing import List
+from typing import Iterator, List
 
 import pytest
 from listings import ROOT
@@ -74,6 +75,33 @@ def test_healing_ones_own_robot_takes_few_steps_and_words() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_words_are_plain(page: Path) -> None:
     assert [found.group() for found in RIDDLES.finditer(page.read_text("utf-8"))] == []
+
+
+def messages(module: Path) -> Iterator[str]:
+    """Yield the texts of a module's code: messages, helps and words; no docstrings, no names."""
+    tree = ast.parse(module.read_text("utf-8"))
+    told = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.Expr)}
+    for each in ast.walk(tree):
+        if isinstance(each, ast.Constant) and isinstance(each.value, str) and id(each) not in told:
+            yield each.value
+
+
+def shown(page: Path) -> Iterator[str]:
+    """Yield the texts of a script or of markup that a browser shows."""
+    text = page.read_text("utf-8")
+    if page.suffix == ".html":
+        yield text
+    else:
+        text = re.sub(r"^\s*(/?\*|//).*$", "", text, flags=re.MULTILINE)
+        yield from re.findall(r'"[^"\n]*"|`[^`]*`', text)
+
+
+@pytest.mark.parametrize("package", sorted(ROOT.glob("src/*/src/*/")), ids=lambda each: each.name)
+def test_words_of_messages_are_plain(package: Path) -> None:
+    texts = [(path, text) for path in package.rglob("*.py") for text in messages(path)]
+    for suffix in ("js", "html"):
+        texts += [(p, text) for p in package.glob(f"page/*.{suffix}") for text in shown(p)]
+    assert [f"{path.name}: {text}" for path, text in texts if RIDDLES.search(text)] == []
 
 
 def test_proselint_has_no_complaint(tmp_path: Path) -> None:

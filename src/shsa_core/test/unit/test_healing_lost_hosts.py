@@ -288,11 +288,11 @@ def test_where_the_som_says_wait_a_node_that_is_gone_or_wrong_is_healed_at_once(
 def test_a_broken_invariant_of_computers_is_told() -> None:
     robot = distributed(standby=Standby.HOT)
     robot.core.robot.computers._known[BOARD].detail = "silent"
-    with pytest.raises(ShsaError, match="stands by for a on board, which is lost"):
+    with pytest.raises(ShsaError, match="is idle for a on board, which is lost"):
         robot.core.validate()
     robot = distributed(standby=Standby.WARM)
     robot.core.robot.computers._known[BOARD].detail = "silent"
-    with pytest.raises(ShsaError, match="stands by on a computer that is lost"):
+    with pytest.raises(ShsaError, match="is idle on a computer that is lost"):
         robot.core.validate()
 
 

@@ -62,7 +62,7 @@ def test_what_decides_whom_healing_kills_comes_from_the_file_alone(key: str) -> 
     [
         ("field", "other", "properties and fields can be changed in the SOM file alone"),
         ("provides", {"w": {"field": "data"}}, "properties and fields can be changed"),
-        ("last_resort", {"command": ["reboot"]}, "a command can stand in the SOM file only"),
+        ("last_resort", {"command": ["reboot"]}, "a command can be in the SOM file only"),
     ],
 )
 def test_neither_fields_nor_commands_come_from_parameters(key: str, value: Any, words: str) -> None:

@@ -129,8 +129,8 @@ def test_a_range_a_little_beyond_pi_is_fine(tmp_path: pathlib.Path) -> None:
     "type, words",
     [
         ("tf2_msgs/TFMessage", "a tf frame has one parent"),
-        ("sensor_msgs/PointCloud2", "pictures, point clouds and maps"),
-        ("sensor_msgs/Image", "pictures, point clouds and maps"),
+        ("sensor_msgs/PointCloud2", "images, point clouds and maps"),
+        ("sensor_msgs/Image", "images, point clouds and maps"),
         ("move_base_msgs/MoveBaseActionGoal", "an action is a dialogue"),
     ],
 )

@@ -157,7 +157,7 @@ def _healers(seen: Seen) -> Iterator[Finding]:
             yield Finding(f"{listed(nodes)} heal at the same time", "end all but one")
         elif topic != own and len(tables) > 1:
             what = f"{listed(nodes)} heals beside us on the same master"
-            yield Finding(what, "make sure that no topic stands in two SOMs")
+            yield Finding(what, "make sure that no topic is in two SOMs")
 
 
 CHECKS: Tuple[Callable[[Seen], Iterator[Finding]], ...] = (

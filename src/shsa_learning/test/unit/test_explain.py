@@ -212,7 +212,7 @@ def test_where_nothing_stood_in_that_is_said() -> None:
     told = summary(lost)
     assert told[1:] == (
         "Nothing could replace it: speed would be needed.",
-        "In the end nothing could stand in for it.",
+        "In the end nothing could replace it.",
     )
 
 

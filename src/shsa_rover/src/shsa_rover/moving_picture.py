@@ -100,7 +100,7 @@ def main(arguments: Optional[List[str]] = None) -> int:
     """Draw a run of the demonstration; 0 if that was done, 1 if there was nothing to show."""
     parser = argparse.ArgumentParser(description="Draw a run of the demonstration as moving SVG.")
     parser.add_argument("--results", type=Path, default=Path("results/demo"), help="folder")
-    parser.add_argument("--output", type=Path, default=Path("demo.svg"), help="the picture")
+    parser.add_argument("--output", type=Path, default=Path("demo.svg"), help="the image")
     args = parser.parse_args(arguments)
     files = args.results / "run.bag", args.results / "incidents.jsonl"
     try:

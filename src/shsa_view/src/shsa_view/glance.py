@@ -198,7 +198,7 @@ def _incidents(document: Document) -> List[Line]:
 def _incident(incident: Document, now: float) -> str:
     since = now - incident["moments"]["detected"]
     stands_in = incident["substitute"]
-    done = f"{stands_in} stands in" if stands_in else incident["state"].replace("_", " ")
+    done = f"{stands_in} replaces it" if stands_in else incident["state"].replace("_", " ")
     if incident["missing"]:
         done += f", missing {', '.join(incident['missing'])}"
     what = f"{incident['id']}. {incident['service']}, {incident['kind']} for {_time(since)}"

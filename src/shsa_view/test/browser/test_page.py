@@ -405,7 +405,7 @@ def test_a_lost_connection_says_so_and_comes_back(chromium: Browser, served: Lis
     served[0].close()
     chromium.wait("!document.querySelector('#lost').hidden")
     assert chromium.text("#lost").startswith("Connection lost since ")
-    assert "What you see is of then." in chromium.text("#lost")
+    assert "The page shows the robot as it was then." in chromium.text("#lost")
     assert chromium.text(f"{ROW} .state") == "Well", "it is still there"
     again = robot()
     del again["services"]["voltmeter"]

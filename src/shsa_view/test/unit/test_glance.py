@@ -66,7 +66,7 @@ def test_a_robot_is_told_in_full() -> None:
         "odom     well           50.0 Hz  /base          v 0.5 ± 0.02 m/s, w -",
         "",
         "open incidents",
-        "3. amps, silent for 12 s: /substitute_1 stands in",
+        "3. amps, silent for 12 s: /substitute_1 replaces it",
     ]
 
 

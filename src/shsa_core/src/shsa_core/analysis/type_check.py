@@ -9,7 +9,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.text import nearest
 
-_PICTURES = "pictures, point clouds and maps are not computed from numbers"
+_PICTURES = "images, point clouds and maps are not computed from numbers"
 _FRAMES = "a tf frame has one parent: a second publisher would contradict the first"
 _ACTIONS = "an action is a dialogue with its server, not a value"
 NOT_HEALABLE = {

@@ -291,7 +291,7 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     if (service.period or inf) < (old.period or inf):
         raise entry.error("period: only the SOM file can make it shorter")
     if service.last_resort.command:
-        raise entry.error("a command can stand in the SOM file only, not on the parameter server")
+        raise entry.error("a command can be in the SOM file only, not on the parameter server")
     # The parameter server does not keep the order, which the generated code follows.
     provides = tuple(provisions[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)

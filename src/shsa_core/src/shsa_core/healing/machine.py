@@ -435,7 +435,7 @@ class Reconfigurator:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host
             if node and robot.computers.lost(host) and not machine.publishes:
-                raise ShsaError(f"{node} stands by for {name} on {host}, which is lost")
+                raise ShsaError(f"{node} is idle for {name} on {host}, which is lost")
         processes.validate(owners)
         self._nodes.validate()
         for row in processes.wanted.rows.values():

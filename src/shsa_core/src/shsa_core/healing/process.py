@@ -267,7 +267,7 @@ class Processes:
                 raise ShsaError(f"{row.node} is in the table of substitutions, but has no owner")
         for idle in self.pool.processes.values():
             if self._robot.computers.lost(idle.host):
-                raise ShsaError(f"{idle.node} stands by on a computer that is lost")
+                raise ShsaError(f"{idle.node} is idle on a computer that is lost")
 
 
 def standby(service: Service) -> Standby:

@@ -70,5 +70,5 @@ def _unfolded(
 
 def _numbers(vector: Vector) -> Vector:
     if not isinstance(vector[0], str):
-        raise ExpressionError("a matrix can stand in dot(MATRIX, VECTOR) alone")
+        raise ExpressionError("a matrix can be used in dot(MATRIX, VECTOR) alone")
     return vector

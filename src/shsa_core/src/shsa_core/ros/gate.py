@@ -130,7 +130,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--som", required=True, help="the SOM file")
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument(
-        "--standby", default="", metavar="NODE", help="stand by for this gate, muted"
+        "--standby", default="", metavar="NODE", help="be ready to replace this gate"
     )
     return parser.parse_args(rospy.myargv(sys.argv)[1:])
 

@@ -432,7 +432,7 @@ def main() -> None:
     parser.add_argument(
         "--no-operator",
         action="store_true",
-        help="refuse whoever calls release, reload, substitute",
+        help="refuse calls of release, reload, substitute",
     )
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
     parser.add_argument("--host", default="", help="what the SOM calls this computer")

@@ -133,7 +133,7 @@ class Substitute:
             "it listens to what it computes from": job is None
             or all(map(self._readings.listens, job.inputs)),
             "it advertises what it computes": job is None or job.topic in self.topics,
-            "muted, it stands in for nobody": not (
+            "muted, it replaces no node": not (
                 muted and (handover.original or handover.served or looked)
             ),
             "it publishes no integral from nobody knows where": not published

@@ -105,7 +105,7 @@ def start_again(start: Start) -> int:
     """
     told = Guard({**start_order(start), "seconds": 0.0}).end()
     if not told.get("done"):
-        why = "it runs already" if told.get("runs") else "whoever started it has ended"
+        why = "it runs already" if told.get("runs") else "what started it has ended"
         raise Refused(f"{' '.join(start.words)} is not started again: {why}")
     return int(told["pid"])
 

@@ -53,7 +53,7 @@ def add_parser(subparsers: Any) -> None:
         metavar="N",
         help="of each property try N derivations at most, those of the highest quality (200)",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw a picture: .png, .svg or .pdf")
+    parser.add_argument("--plot", metavar="FILE", help="draw an image: .png, .svg or .pdf")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 

@@ -32,8 +32,8 @@ STATES: Dict[State, str] = {
     State.HEALING: "a substitute was being searched or started when the record ends",
     State.HEALED: "a substitute still publishes it when the record ends",
     State.RETURNING: "the original had come back, and was on probation, when the record ends",
-    State.UNHEALED: "nothing could stand in for it",
-    State.SAFE: "nothing could stand in for it, so that its safe value was published, or its "
+    State.UNHEALED: "nothing could replace it",
+    State.SAFE: "nothing could replace it, so that its safe value was published, or its "
     "command was run",
     State.KEPT: "the faulty node was kept, and nothing was done beside it",
     State.ENDED: "the original publishes it again",

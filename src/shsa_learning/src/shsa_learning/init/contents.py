@@ -103,7 +103,7 @@ def elements(
         try:
             parse_field(field)
         except ShsaError:
-            left_out.append(LeftOut(field, "that name cannot stand in a field"))
+            left_out.append(LeftOut(field, "that name cannot be part of a field"))
             continue
         # A joint's name says more than that it is a joint's: left_wheel_velocity.
         numbers.append(Number(field, array.kind, array.meaning, (name, *array.words)))

@@ -238,7 +238,7 @@ def outside(topic: str, kind: str, node: str) -> str:
     if kind.endswith(_ACTION) or kind.startswith("actionlib_msgs/"):
         return "an action is a dialogue with its server, not a value"
     if kind in _PICTURES:
-        return "pictures, clouds, maps and their settings are not computed from numbers"
+        return "images, clouds, maps and their settings are not computed from numbers"
     if kind in _FRAMES:
         return "a tf frame has one parent: nobody else can publish it"
     if node and (not _NAME.fullmatch(node) or len(node) > _LONGEST):

@@ -127,7 +127,7 @@ class Card {
     const told = [
       ["What failed", failed(service, incident)],
       ["Why", (incident && incident.evidence) || ""],
-      ["What stands in", standsIn(this.name, service, incident, substitutes)],
+      ["What replaces it", standsIn(this.name, service, incident, substitutes)],
       ["How far to trust it", trust(service, incident)],
     ];
     const began = incident && incident.moments.detected;

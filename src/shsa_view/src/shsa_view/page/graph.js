@@ -40,11 +40,11 @@ export class Graph {
     try {
       const answer = await ask("api/graph", { limit: 20000 });
       if (number !== this.number) return;
-      if (answer.error || !answer.svg) throw new Error(answer.error || "There is no picture.");
+      if (answer.error || !answer.svg) throw new Error(answer.error || "There is no drawing.");
       if (answer.svg !== this.source) this.take(answer);
     } catch (error) {
       if (number === this.number && !this.source) {
-        const why = `No picture of the ontology: ${error.message}`;
+        const why = `No drawing of the ontology: ${error.message}`;
         this.frame.replaceChildren(make("p", { class: "quiet" }, why));
       }
     }
@@ -53,7 +53,7 @@ export class Graph {
 
   take({ svg, edges }) {
     const parsed = new DOMParser().parseFromString(svg, "image/svg+xml");
-    if (parsed.documentElement.nodeName !== "svg") throw new Error("The picture cannot be read.");
+    if (parsed.documentElement.nodeName !== "svg") throw new Error("The drawing cannot be read.");
     this.source = svg;
     clean(parsed.documentElement);
     const picture = document.importNode(parsed.documentElement, true);
@@ -246,7 +246,7 @@ function losses(services) {
     }
   }
   if (told.length) return told.join(" ");
-  return "Nothing is lost. What is drawn thin could stand in.";
+  return "Nothing is lost. Thin lines show what could replace a value.";
 }
 
 /** What the server draws is shapes and text; nothing in it may act or load. */

@@ -125,7 +125,7 @@ function outcome(incident) {
   }
   const back = known(returned) ? returned : ended;
   if (known(back) && known(from)) return `the original came back after ${span(back - from)}`;
-  if (incident.missing.length) return `nothing stands in; missing: ${list(incident.missing)}`;
+  if (incident.missing.length) return `nothing replaces it; missing: ${list(incident.missing)}`;
   return word(incident.state).toLowerCase();
 }
 

@@ -108,7 +108,7 @@ class View {
     setText(byId("connection-text"), lostAt ? "Connection lost" : live);
     byId("lost").hidden = !lostAt && !older;
     if (lostAt) {
-      const what = this.document ? "What you see is of then. " : "";
+      const what = this.document ? "The page shows the robot as it was then. " : "";
       setText(byId("lost"), `Connection lost since ${clock(lostAt)}. ${what}Trying again.`);
       document.title = `Connection lost – ${span(Math.round(Date.now() / 1000 - lostAt))}`;
     } else if (older) {

@@ -99,7 +99,7 @@ function told(answer, robot) {
 
 function section(each, robot) {
   const service = Object.hasOwn(robot.services, each.service) ? robot.services[each.service] : null;
-  const verdict = each.found ? "would be taken over" : "nothing could stand in";
+  const verdict = each.found ? "would be taken over" : "nothing could replace it";
   const pairs = [
     ["From", list(each.inputs, "")],
     ["By", list(each.relations, "")],

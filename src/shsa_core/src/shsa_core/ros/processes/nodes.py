@@ -245,7 +245,7 @@ class Nodes:
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
         if publishes:
             return None
-        return Found(Where.ANOTHER, f"whoever answers at its address does not publish {topic}")
+        return Found(Where.ANOTHER, f"what answers at its address does not publish {topic}")
 
 
 def _listens(known: Known, uri: str) -> bool:

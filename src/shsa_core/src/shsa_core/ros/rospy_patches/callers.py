@@ -150,5 +150,5 @@ class Room:
             user = self._speaker(connection)
             at = connection.getpeername()[0] if user is None else f"{USER}{user}"
         except OSError:
-            return "whoever has left"
+            return "a caller that has left"
         return "" if user in (0, os.geteuid()) else str(at)
