@@ -29,8 +29,6 @@ def logged(path: Path) -> Iterator[str]:
 def said(call: ast.Call) -> Optional[ast.expr]:
     """Return the text that a call logs as a warning or an error; None: it does not."""
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
-    if name == "Told":
-        return call.args[1]
     if name == "Log":
         return call.args[1] if getattr(call.args[0], "attr", "") in LEVELS else None
     if not LOGGED.search(name) or not call.args:

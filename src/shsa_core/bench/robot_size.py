@@ -17,8 +17,8 @@ from report import Goals, print_table, summary
 from simulated_robot import Robot, lines_of
 
 from shsa_core.healing import events
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Standby
-from shsa_core.monitoring.events import PublisherState
 
 Sent = Callable[[Iterable[events.Command]], int]
 

@@ -23,18 +23,17 @@ import numpy as np
 from matplotlib import pyplot
 from report import Goals
 
-from shsa_core.codegen.choice import substitutes
 from shsa_core.analysis.check import check_model
-from shsa_learning.report.resilience import analyse
-from shsa_core.healing.plan_table import PlanTable
 from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
+from shsa_core.planning.plan_table import PlanTable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Rated, SourceTable
-from shsa_core.search.substitutes import find_substitute
+from shsa_learning.report.resilience import analyse
+from shsa_learning.substitutes import find_substitute, substitutes
 
 QUALITIES = [1.0, 0.99, 0.95, 0.9, 0.8]
 TARGET = "p0"

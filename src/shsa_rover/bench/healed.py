@@ -8,10 +8,10 @@ import numpy as np
 from derived import Columns
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import predictor
+from shsa_core.derivations.calibrator import Calibrator
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.monitoring.calibration import Calibrator
 from shsa_core.search.derivation import SourceTable
 from shsa_rover.battery import BatteryParameters
 from shsa_rover.dataset import CURRENT, PERIOD_S, Dataset, random_drive, simulate

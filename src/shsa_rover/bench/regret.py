@@ -11,9 +11,9 @@ from derived import Columns
 from shsa_core.codegen.choice import compare
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.prediction import predictor
-from shsa_core.healing.planner import Calibrations
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_core.planning.planner import Calibrations
 from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_rover.dataset import PERIOD_S, Dataset
 from stated import START_S, Robot
@@ -59,7 +59,7 @@ def regrets(
     assert predicted is not None
     for name in sorted(set(ontology.properties) & set(data.truth)):
         lost = _lost(som, name)
-        errors_of = predicted.knowing(calibrations.measured(lost[0])) if lost else predicted
+        errors_of = predicted.knowing(calibrations.measured.get(lost[0], {})) if lost else predicted
         table = SourceTable(network, som.sources).excluding(lost)
         usable = network.executable
         compared = compare(network, table, usable, network.number(name), errors_of).rated

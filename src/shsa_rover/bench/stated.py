@@ -7,7 +7,7 @@ import numpy as np
 from derived import Columns
 from healed import LOST
 from shsa_core.codegen.plans import Plan
-from shsa_core.model.calibration import UNCALIBRATED
+from shsa_core.model.calibration import UNCALIBRATED, CalibrationRow
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
@@ -42,7 +42,7 @@ class Robot:
 
     def __init__(self, som: Som, ontology: Ontology, plan: Optional[Plan] = None) -> None:
         self._core, self._program = Monitor(ontology=ontology), plan and plan.program
-        self.rows: List[events.CalibrationRow] = []
+        self.rows: List[CalibrationRow] = []
         self.calibration = UNCALIBRATED
         self.hear(events.SomChanged(START_S, som))
         for service in som:

@@ -18,16 +18,11 @@ from report import Goals, print_table, write_table
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.checks import LEARNED, Witness
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import (
-    Connected,
-    Message,
-    PublisherHealth,
-    SomChanged,
-    Tick,
-)
+from shsa_core.monitoring.events import Connected, Message, SomChanged, Tick
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.overview import Condition

@@ -12,7 +12,7 @@ CATCH_UP_SHARE = 0.1
 """Others need not catch up with less of the time that is waited for."""
 LONGEST_STEP_S = 0.1
 """More between two looks was a hold-up, where we did not say when we wanted to look again."""
-INSTANT_S = 1e-9
+INSTANT_S = 1e-6  # a float of a time of today has no finer steps
 REMEMBERED = 1000
 """Stretches in which the clock stood; older ones count as time that passed."""
 

@@ -7,13 +7,13 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.language.expression import parse_law
+from shsa_core.model.health import PublisherHealth, PublisherState
+from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
-from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution, row_key
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 A, B, C = "/a_node", "/b_node", "/c_node"
 C_ = TypeVar("C_")
@@ -52,7 +52,7 @@ class Robot:
         host: str = "",
         **settings: Union[int, float],
     ) -> None:
-        values: Dict[str, Any] = {"hold_off": 2.0, "start_timeout": 5.0, "pool": 1, **settings}
+        values: Dict[str, Any] = {"hold_off": 2.0, "pool": 1, **settings}
         self.core = Reconfigurator(ontology, som, Settings(**values), host=host)
         self.som = som
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}

@@ -4,6 +4,8 @@ from math import inf
 from typing import Any, Dict, List, Optional, Tuple
 
 from shsa_core.model.checks import Checks, default_checks
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
+from shsa_core.model.log import Log
 from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
@@ -15,14 +17,10 @@ from shsa_core.monitoring.events import (
     Event,
     HealthChanged,
     Interrupted,
-    Key,
     Message,
-    PublisherHealth,
-    PublisherState,
     SomChanged,
     SubstitutionsChanged,
     Tick,
-    Told,
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.publishers import NOBODY
@@ -112,7 +110,7 @@ class Bench:
         for command in commands:
             if isinstance(command, ChangeRefused):
                 self.refused.append(command)
-            elif isinstance(command, Told):
+            elif isinstance(command, Log):
                 self.told.append(command.text)
             elif isinstance(command, HealthChanged):
                 self.changes.append(command)

@@ -9,12 +9,12 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 GOOD, WRONG, SILENT, GONE, MUTED = "good", "wrong", "silent", "gone", "muted"
 DELAYS_S = {GOOD: 0.1, WRONG: 0.06, SILENT: 1.0, GONE: 0.01, MUTED: 0.0}

@@ -4,6 +4,7 @@ from typing import Dict
 
 import pytest
 
+from shsa_core.analysis import budget
 from shsa_core.analysis.budget import budgets, check_budgets
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import Checks, Stuck
@@ -13,7 +14,13 @@ from shsa_core.model.som import Som
 
 RANGED = Provision("x", "data", range=(0.0, 1.0))
 FAST = Service("x", "/x", "pkg/T", "/n", 0.02, (RANGED,), needed=True, contain=Contain.NODE)
-SETTINGS = Settings(takeover_cold=0.8, takeover_warm=0.05, takeover_hot=0.03, kill_patience=0.1)
+SETTINGS = Settings(kill_patience=0.1)
+
+
+@pytest.fixture(autouse=True)
+def takeovers(monkeypatch: pytest.MonkeyPatch) -> None:
+    figures = {Standby.COLD: 0.8, Standby.WARM: 0.05, Standby.HOT: 0.03}
+    monkeypatch.setattr(budget, "TAKEOVERS", figures)
 
 
 def totals(service: Service) -> Dict[Kind, float]:

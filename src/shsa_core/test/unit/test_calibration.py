@@ -6,10 +6,8 @@ from typing import Callable
 
 import pytest
 
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.growth import PRIOR_GAIN
-from shsa_core.monitoring.calibration import Calibrator
-from shsa_core.monitoring.settings import (
+from shsa_core.derivations.calibrator import Calibrator
+from shsa_core.derivations.settings import (
     DRIFT_S,
     ERRORS,
     FEWEST_ERRORS,
@@ -17,6 +15,8 @@ from shsa_core.monitoring.settings import (
     GUARD_S,
     SETTLING_S,
 )
+from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.growth import PRIOR_GAIN
 
 PERIOD = 0.1
 NOISE = 0.3

@@ -24,11 +24,11 @@ from shsa_core.healing.containment import Case, decide
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherState
 
 WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
 ROWS: List[Any] = [

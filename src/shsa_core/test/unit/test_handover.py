@@ -2,8 +2,8 @@
 from typing import Any, List
 
 from substitute_driver import PERIOD, Driver, only, row, running, served
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.substitution import events
-from shsa_core.substitution.settings import YIELD_S
 
 
 def standing_in() -> Driver:
@@ -62,7 +62,7 @@ def test_a_muted_substitute_serves_only_those_whom_a_later_look_finds_unserved()
     assert not served(due(driver, 2))
     assert served(answer(driver, "/early")) == [frozenset({"/early"})]
     assert not served(due(driver, 3)) and not served(due(driver, 4))  # nobody has answered
-    assert not served(driver.pass_to(YIELD_S + 1.0))
+    assert not served(driver.pass_to(CHANGEOVER_S + 1.0))
 
 
 def test_a_muted_substitute_publishes_nothing_that_was_not_due() -> None:

@@ -7,10 +7,10 @@ from core_robot import SOM, A, Robot, has, last_incident, only
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 PERIOD = 0.02
 

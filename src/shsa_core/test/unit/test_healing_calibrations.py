@@ -11,10 +11,9 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Log
 from shsa_core.healing.incident import State
-from shsa_core.healing.planner import Calibrated
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.planner import Planner
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
@@ -22,7 +21,8 @@ from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
-from shsa_core.monitoring.events import CalibrationRow
+from shsa_core.planning.planner import Calibrated
+from shsa_core.planning.planner import Planner
 from shsa_core.ros import clock
 from shsa_core.ros.wire.healing import calibrations_heard
 from shsa_core.ros.wire.healing import calibration_key, calibration_row

@@ -6,10 +6,10 @@ import pytest
 from core_robot import A, Robot, has, last_incident, only, publishing
 from hosts_robot import PI, back, distributed, seen, silent, steady, takes_over
 from shsa_core.healing import events
-from shsa_core.healing.settings import CERTAIN_S
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import Kills
 from shsa_core.model.kinds import Contain, Standby
+from shsa_core.planning.settings import CERTAIN_S
 
 
 def asked(robot: Robot, time: float, rate: Optional[float]) -> List[events.Command]:

@@ -21,10 +21,10 @@ from hosts_robot import (
 )
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.settings import CERTAIN_S
 from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Contain, OnPartition, Policy, Standby
 from shsa_core.model.som import Som
+from shsa_core.planning.settings import CERTAIN_S
 
 # A computer is lost
 

@@ -13,15 +13,16 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.records import IdleProcess, Record, ServiceRecord
-from shsa_core.healing.settings import ANSWER_S, Settings
+from shsa_core.healing.records import Record, ServiceRecord
 from shsa_core.healing.repair import SUBSTITUTED
+from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.journal.codec import Codec
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Contain, Kind, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.planning.pool import IdleProcess
 from shsa_testing.thorough import many
 
 PUBLISHED = (State.HEALING, State.HEALED, State.SAFE)

@@ -10,10 +10,10 @@ from random_models import SETTINGS, ontologies, soms
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.settings import Settings
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherState
 from shsa_testing.thorough import many
 from test_healing_random import AnyRobot
 

@@ -24,11 +24,11 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import WELL, State, Trigger
 from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import Substitute
-from shsa_core.healing.records import IdleProcess
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
+from shsa_core.planning.pool import IdleProcess
 
 
 def learned(commands: List[events.Command]) -> List[str]:

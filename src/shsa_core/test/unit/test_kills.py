@@ -25,7 +25,7 @@ from shsa_core.healing.kill import (
     Outcome,
     Said,
 )
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.model.health import PublisherHealth, PublisherState
 
 N = "/node"
 Parts = Tuple[List[Any], Optional[KillOver]]

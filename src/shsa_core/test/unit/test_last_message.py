@@ -11,14 +11,15 @@ from substitute_driver import PERIOD, Driver, row, signal
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.healing import events as healing
+from shsa_core.model.error import Error
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Others, Standby
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.error import Error
 from shsa_core.model.service import LastResort, Provision
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import HealthChanged, PublisherHealth, PublisherState
+from shsa_core.monitoring.events import HealthChanged
 from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
 from shsa_core.ros.wire.healing import failure_seen

@@ -7,10 +7,10 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import ANSWER_S
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Kind, Standby
 from shsa_core.model.log import Level
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherState
 
 ACTS = (
     *(events.FindNode, events.AskToLeave, events.EndProcess, events.RestartNode, events.StopNode),

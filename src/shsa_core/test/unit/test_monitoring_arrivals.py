@@ -5,20 +5,14 @@ import pytest
 
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, service
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.events import (
-    ClockTicked,
-    Command,
-    FormerlyHealthy,
-    Subscribed,
-    Tick,
-    Told,
-)
+from shsa_core.model.log import Log
+from shsa_core.monitoring.events import ClockTicked, Command, FormerlyHealthy, Subscribed, Tick
 
 OTHERS = [(f"/topic_{number}", f"/node_{number}") for number in range(4)]
 
 
 def awaited(commands: List[Command]) -> List[str]:
-    return [each.text for each in commands if isinstance(each, Told)]
+    return [each.text for each in commands if isinstance(each, Log)]
 
 
 def test_a_robot_that_is_not_there_is_awaited_and_nobody_has_failed() -> None:

@@ -5,17 +5,11 @@ from typing import List, Optional
 import pytest
 
 from monitor_bench import check_tables
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import (
-    Command,
-    Connected,
-    Message,
-    PublisherState,
-    SomChanged,
-    Tick,
-)
+from shsa_core.monitoring.events import Command, Connected, Message, SomChanged, Tick
 from shsa_core.monitoring.machine import Monitor
 from shsa_testing.failures import failures_in
 

@@ -7,29 +7,29 @@ from typing import Any, Dict, List, Optional, Tuple
 import pytest
 
 from shsa_core.codegen.plans import plan_witness
+from shsa_core.derivations import settings
 from shsa_core.errors import ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.calibration import Calibration
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
+from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import Signal
 from shsa_core.model.som import Som
-from shsa_core.monitoring import settings
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import (
     CalibrationsChanged,
     Connected,
     Disconnected,
     HealthChanged,
-    PublisherHealth,
     Message,
     SomChanged,
     SubstitutionsChanged,
     Tick,
-    Told,
 )
 from shsa_core.monitoring.machine import Monitor
-from shsa_core.model.service import Signal
-from shsa_core.model.substitution import Program, Substitution
 from shsa_core.search.derivation import SourceTable
 
 PERIOD = 0.05
@@ -86,7 +86,7 @@ class Robot:
         for said in self.core.handle(event):
             if isinstance(said, HealthChanged):
                 self.failures += said.failed
-            elif isinstance(said, Told):
+            elif isinstance(said, Log):
                 self.said.append(said.text)
             elif isinstance(said, CalibrationsChanged):
                 self.told += len(said.rows)
@@ -323,7 +323,7 @@ def test_a_source_that_comes_later_is_planned_with(ontology: Ontology) -> None:
 def test_no_more_is_evaluated_than_the_budget_allows(
     ontology: Ontology, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(settings, "EVALUATIONS_PER_S", 6.0)
+    monkeypatch.setattr(settings, "EVALUATIONS_HZ", 6.0)
     robot = Robot(ontology, LOAD, SPEED, POWER)
     robot.run(60.0)
     assert robot.of("load", "speed") is not None and robot.of("load", "power") is None

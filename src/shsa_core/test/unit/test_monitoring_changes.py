@@ -7,9 +7,10 @@ from monitor_bench import NODE, PERIOD, TOPIC, Bench, message_checks, provision,
 
 from shsa_core.journal.codec import Codec
 from shsa_core.model.checks import Checks, Jump, RateHigh, default_checks
+from shsa_core.model.log import Level, Log
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Command, SomChanged, Told
+from shsa_core.monitoring.events import Command, SomChanged
 
 
 @pytest.fixture
@@ -68,9 +69,9 @@ def test_what_a_healthy_publisher_violates_at_once_is_refused(
 )
 def test_what_it_conforms_to_counts_at_once(bench: Bench, changed: Service, weaker: bool) -> None:
     said = bench.send(SomChanged(bench.now, Som([changed])))
-    (told,) = (each for each in said if isinstance(each, Told))
+    (told,) = (each for each in said if isinstance(each, Log))
     assert told.text.startswith("Changed: current: ") and f"it concerns {NODE}" in told.text
-    assert told.warning is weaker is ("allows more" in told.text)
+    assert (told.level is Level.WARN) is weaker is ("allows more" in told.text)
     assert counts(bench, changed)
     bench.stream(50)
     assert bench.failures == []
@@ -92,18 +93,20 @@ def test_what_is_weaker_than_the_file_is_told_with_that(bench: Bench) -> None:
     bench.watch(service(provision(range=(-5.0, 90.0)), weakened="range"))
     changed = service(provision(range=(-5.0, 70.0)), weakened="range: 70")
     said = bench.send(SomChanged(bench.now, Som([changed])))
-    (told,) = (each for each in said if isinstance(each, Told))
-    assert told.warning and told.text.endswith("it allows more than the SOM file: range: 70")
+    (told,) = (each for each in said if isinstance(each, Log))
+    assert told.level is Level.WARN and told.text.endswith(
+        "it allows more than the SOM file: range: 70"
+    )
     said = bench.send(SomChanged(bench.now, Som([service()])))
-    (told,) = (each for each in said if isinstance(each, Told))
-    assert not told.warning and "allows more" not in told.text
+    (told,) = (each for each in said if isinstance(each, Log))
+    assert told.level is Level.INFO and "allows more" not in told.text
 
 
 def test_the_mark_goes_once_the_file_says_the_same(bench: Bench) -> None:
     wide = service(provision(range=(-5.0, 90.0)))
     bench.watch(replace(wide, weakened="range"))
     said = bench.send(SomChanged(bench.now, Som([wide])))
-    assert not any(isinstance(each, Told) for each in said) and counts(bench, wide)
+    assert not any(isinstance(each, Log) for each in said) and counts(bench, wide)
 
 
 def test_a_refused_change_keeps_its_mark(bench: Bench) -> None:
@@ -127,7 +130,7 @@ def test_a_rate_is_refused_where_few_messages_came_before() -> None:
 def test_what_does_not_judge_is_no_change_of_numbers(bench: Bench) -> None:
     changed = service(provision(quality=0.5), needed=True)
     said = bench.send(SomChanged(bench.now, Som([changed])))
-    assert counts(bench, changed) and not any(isinstance(each, Told) for each in said)
+    assert counts(bench, changed) and not any(isinstance(each, Log) for each in said)
 
 
 def test_after_a_refusal_the_numbers_can_be_put_back_and_changed_again(bench: Bench) -> None:
@@ -222,5 +225,5 @@ def test_what_became_of_a_change_can_be_journaled(bench: Bench) -> None:
     bench.watch(service(provision(range=(100.0, 200.0)), period=1e6))
     bench.stream(40)
     codec = Codec(Command)
-    for said in (bench.refused[0], Told(1.0, "Changed: current", True)):
+    for said in (bench.refused[0], Log(Level.WARN, "Changed: current")):
         assert codec.decode(json.loads(json.dumps(codec.encode(said))), "here", "it") == said

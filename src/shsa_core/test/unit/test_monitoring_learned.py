@@ -8,14 +8,9 @@ import pytest
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service, stamped
 
 from shsa_core.model.checks import Checks, default_checks
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import (
-    ClockTicked,
-    Command,
-    Message,
-    PublisherHealth,
-    Tick,
-)
+from shsa_core.monitoring.events import ClockTicked, Command, Message, Tick
 from shsa_testing.failures import failures_in
 from shsa_testing.thorough import many
 

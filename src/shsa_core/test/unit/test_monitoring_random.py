@@ -9,11 +9,11 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service
 
 from shsa_core.model.checks import UnknownPublisher
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.service import AdaptiveDeadline
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Substitution
 from shsa_core.monitoring import events, settings
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 from shsa_testing.failures import failures_in
 from shsa_testing.thorough import many
 

@@ -5,9 +5,10 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
 
 from shsa_core.model.service import Service
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
-from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import CONNECT_S, RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
 

@@ -6,8 +6,9 @@ from typing import List
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service
 
-from shsa_core.monitoring.settings import CHANGEOVER_S
-from shsa_core.monitoring.events import Message, SubstitutionsChanged, Told
+from shsa_core.model.log import Log
+from shsa_core.model.substitution import CHANGEOVER_S
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 
 
 @pytest.fixture
@@ -183,7 +184,7 @@ def filled_in(
     bench.wait(BRIDGE)
     for _ in range(count):
         commands = bench.send(Message(bench.now, TOPIC, "/substitute_1", (value,)))
-        told += [each.text for each in commands if isinstance(each, Told)]
+        told += [each.text for each in commands if isinstance(each, Log)]
         bench.wait(period)
     return told
 

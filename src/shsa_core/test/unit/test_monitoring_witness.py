@@ -8,18 +8,12 @@ import pytest
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
+from shsa_core.model.health import PublisherHealth
+from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import (
-    Connected,
-    Disconnected,
-    PublisherHealth,
-    Message,
-    SomChanged,
-    Tick,
-    Told,
-)
+from shsa_core.monitoring.events import Connected, Disconnected, Message, SomChanged, Tick
 from shsa_core.monitoring.machine import Monitor
 from shsa_testing.failures import failures_in
 
@@ -63,7 +57,7 @@ class Robot:
     def hear(self, event: Any) -> None:
         said = self.core.handle(event)
         self.failures += failures_in(said)
-        self.told += [each.text for each in said if isinstance(each, Told)]
+        self.told += [each.text for each in said if isinstance(each, Log)]
 
     def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
         for _ in range(round(seconds / PERIOD)):

@@ -6,14 +6,14 @@ import pytest
 from core_robot import A, B, C, ONTOLOGY, service
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import HostLost, HostSeen
-from shsa_core.healing.placement import HERE, Computers, Place, Placement
-from shsa_core.healing.settings import SETTLE_S, Settings
+from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cost, rate, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.host import Placement as Wanted
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.placement import HERE, Computers, Place, Placement
+from shsa_core.planning.settings import CERTAIN_S
 from shsa_core.search.derivation import SourceTable
 
 PI, BOARD, BOOK = "pi", "board", "book"
@@ -24,7 +24,7 @@ def placed(
     a: Optional[Service] = None,
     b: str = PI,
     hosts: Tuple[Host, ...] = HOSTS,
-    seen: Iterable[HostSeen] = tuple(HostSeen(0.0, each.name, 0.5, 4.0) for each in HOSTS),
+    seen: Iterable[Tuple[Any, ...]] = tuple((0.0, each.name, 0.5, 4.0) for each in HOSTS),
     lately: Dict[str, List[Cost]] = {},
     idle: Tuple[str, ...] = (),
     own: str = "",
@@ -34,11 +34,11 @@ def placed(
     """Place the substitute of a service that reads `b`, which runs on a computer."""
     a = a or service("a", A, needed=True)
     som = Som([a, service("b", B, host=b), service("c", C, host=BOARD)], hosts)
-    known = Computers(Settings(), own)
+    known = Computers(own)
     for each in seen:
-        known.seen(each)
+        known.seen(*each)
     if lost:
-        known.lose(HostLost(0.5, lost, "silent"))
+        known.lose(lost, 0.5, "silent")
     placement = Placement(known, lambda host, _: lately.get(host, []), lambda: som)
     return placement.place(time, a, placement.inputs(plan(som)), BOOK, idle)
 
@@ -74,7 +74,7 @@ def test_what_has_no_inputs_on_a_known_computer_runs_on_our_own() -> None:
 
 
 def test_of_equally_near_computers_the_least_loaded_is_taken() -> None:
-    seen = tuple(HostSeen(0.0, n, b, 4.0) for n, b in ((PI, 3.0), (BOARD, 1.0), (BOOK, 2.0)))
+    seen = tuple((0.0, n, b, 4.0) for n, b in ((PI, 3.0), (BOARD, 1.0), (BOOK, 2.0)))
     wanted, hosts = wanting(forbid=(PI, "own")), (*HOSTS, Host("own"))
     assert placed(wanted, hosts=hosts, own="own", seen=seen).host == BOARD
 
@@ -91,7 +91,7 @@ def test_a_forbidden_computer_is_never_used(prefer: Tuple[str, ...]) -> None:
 
 def test_a_computer_counts_only_while_it_is_heard() -> None:
     assert placed(lost=PI).host == ""
-    assert placed(seen=[HostSeen(0.0, BOARD, 0.0, 4.0)]).host == ""
+    assert placed(seen=[(0.0, BOARD, 0.0, 4.0)]).host == ""
 
 
 def test_our_own_computer_goes_by_its_name_as_well() -> None:
@@ -114,7 +114,7 @@ def test_a_process_that_stands_by_elsewhere_is_taken_rather_than_one_that_must_s
 
 
 def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
-    busy = [HostSeen(0.0, BOOK, 4.0, 4.0), HostSeen(0.0, PI, 0.0, 4.0)]
+    busy = [(0.0, BOOK, 4.0, 4.0), (0.0, PI, 0.0, 4.0)]
     assert placed(seen=busy, idle=(BOOK,)) == Place(BOOK)
     limited = (Host(PI), Host(BOARD), Host(BOOK, 4.0))
     assert placed(seen=busy, idle=(BOOK,), hosts=limited).host == PI
@@ -122,10 +122,10 @@ def test_who_is_busy_for_a_while_keeps_the_process_that_stands_by() -> None:
 
 def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
     som = Som([service("a", A, needed=True), service("b", B, host=BOARD)], HOSTS)
-    known = Computers(Settings())
+    known = Computers()
     placement = Placement(known, lambda *_: [], lambda: som)
     for load in (0.0, 4.0):
-        known.seen(HostSeen(load, BOARD, load, 4.0))
+        known.seen(load, BOARD, load, 4.0)
         assert placement.stands_by(5.0, som.services["a"], placement.inputs(plan(som))) == BOARD
     limited = Som(list(som), (Host(BOARD, 4.0),))
     placement = Placement(known, lambda *_: [], lambda: limited)
@@ -133,7 +133,7 @@ def test_where_a_process_stands_by_does_not_go_by_the_load() -> None:
 
 
 def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
-    full = [HostSeen(0.0, PI, 3.995, 4.0)]
+    full = [(0.0, PI, 3.995, 4.0)]
     place = placed(seen=full)
     assert place.host == ""
     (why,) = place.passed_over
@@ -142,35 +142,35 @@ def test_who_has_no_cores_left_is_passed_over_with_the_sum() -> None:
 
 
 def test_what_was_placed_lately_counts_beside_the_load() -> None:
-    seen = [HostSeen(0.0, PI, 3.5, 4.0)]
+    seen = [(0.0, PI, 3.5, 4.0)]
     assert placed(seen=seen).host == PI
     place = placed(seen=seen, lately={PI: [Cost(0.3), Cost(0.195)]})
     assert place.host == "" and "3.5 busy + 0.495 placed lately + " in place.passed_over[0]
 
 
 def test_the_som_says_how_many_cores_count_and_else_the_computer_itself() -> None:
-    seen = [HostSeen(0.0, BOARD, 1.995, 2.0)]
+    seen = [(0.0, BOARD, 1.995, 2.0)]
     assert placed(b=BOARD, seen=seen).host == ""
     few = (Host(BOARD, 1.0),)
-    assert placed(b=BOARD, hosts=few, seen=[HostSeen(0.0, BOARD, 0.995, 8.0)]).host == ""
-    unknown = [HostSeen(0.0, BOARD, 50.0, 0.0)]
+    assert placed(b=BOARD, hosts=few, seen=[(0.0, BOARD, 0.995, 8.0)]).host == ""
+    unknown = [(0.0, BOARD, 50.0, 0.0)]
     assert placed(b=BOARD, seen=unknown).host == BOARD
 
 
 def test_who_has_no_link_left_is_passed_over_with_the_sum() -> None:
-    busy = [HostSeen(0.0, PI, 0.0, 4.0, sent=0.5e6, received=0.499e6)]
+    busy = [(0.0, PI, 0.0, 4.0, 0.999e6)]
     (why,) = placed(seen=busy).passed_over
     assert "pi has no room: 9.99e+05 busy + 3900 for it" in why and "bytes/s of 1e+06" in why
 
 
 def test_where_nothing_fits_is_told_with_every_sum() -> None:
-    full = [HostSeen(0.0, "", 4.0, 4.0), HostSeen(0.0, PI, 4.0, 4.0)]
+    full = [(0.0, "", 4.0, 4.0), (0.0, PI, 4.0, 4.0)]
     with pytest.raises(ShsaError, match="no computer can run the substitute: pi has no room: 4 "):
         placed(seen=full, hosts=(*HOSTS, Host("own", 4.0)), own="own")
 
 
 def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
-    busy = [HostSeen(0.0, name, 2.0, 2.0) for name in ("", PI, BOARD)]
+    busy = [(0.0, name, 2.0, 2.0) for name in ("", PI, BOARD)]
     place = placed(seen=busy, hosts=(Host(PI, 2.0), Host(BOARD)))
     assert place.host == ""
     assert "pi has no room: 2 busy" in place.words
@@ -179,35 +179,35 @@ def test_where_all_are_busy_only_the_limits_of_the_som_are_kept() -> None:
 
 
 def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> None:
-    hosts = Computers(Settings(hold_off=2.0))
-    hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
-    assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(SETTLE_S) == [PI]
+    hosts = Computers("", Settings(hold_off=2.0).held_off, Settings().stable)
+    hosts.seen(0.0, PI, 0.0, 4.0)
+    assert hosts.counts(PI, 0.0) and hosts.settling.pop_due(CERTAIN_S) == [PI]
     for time, hold_off in ((10.0, 2.0), (20.0, 4.0), (30.0, 8.0)):
-        assert hosts.lose(HostLost(time - 1.0, PI, "silent"))
-        assert not hosts.lose(HostLost(time - 1.0, PI, "silent"))
+        assert hosts.lose(PI, time - 1.0, "silent")
+        assert not hosts.lose(PI, time - 1.0, "silent")
         assert hosts.lost(PI) == "silent" and not hosts.reachable(PI)
-        assert hosts.seen(HostSeen(time, PI, 0.0, 4.0)) and hosts.reachable(PI)
+        assert hosts.seen(time, PI, 0.0, 4.0) and hosts.reachable(PI)
         assert not hosts.counts(PI, time + hold_off - 0.1)
         assert hosts.counts(PI, time + hold_off)
-        assert hosts.settling.next() == time + max(hold_off, SETTLE_S)
-    assert hosts.lose(HostLost(200.0, PI, "silent"))
-    hosts.seen(HostSeen(210.0, PI, 0.0, 4.0))
+        assert hosts.settling.next() == time + max(hold_off, CERTAIN_S)
+    assert hosts.lose(PI, 200.0, "silent")
+    hosts.seen(210.0, PI, 0.0, 4.0)
     assert hosts.counts(PI, 212.0)
 
 
 def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
-    hosts = Computers(Settings())
-    assert hosts.seen(HostSeen(0.0, PI, 0.0, 4.0))
-    assert not hosts.seen(HostSeen(1.0, PI, 0.0, 4.0))
+    hosts = Computers()
+    assert hosts.seen(0.0, PI, 0.0, 4.0)
+    assert not hosts.seen(1.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 0.0
-    assert hosts.seen(HostSeen(3.0, PI, 0.0, 4.0))
+    assert hosts.seen(3.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
 
 
 def test_a_computer_that_was_never_heard_can_be_lost() -> None:
-    hosts = Computers(Settings())
-    assert hosts.lose(HostLost(1.0, PI, "")) and hosts.lost(PI) == "nothing is heard of it"
-    assert not hosts.lose(HostLost(1.0, "", "silent")) and hosts.reachable("")
+    hosts = Computers()
+    assert hosts.lose(PI, 1.0, "") and hosts.lost(PI) == "nothing is heard of it"
+    assert not hosts.lose("", 1.0, "silent") and hosts.reachable("")
     assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""
 
 

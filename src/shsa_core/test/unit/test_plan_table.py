@@ -9,9 +9,9 @@ from shsa_testing.models import law, ontology, random_model, service, som_of
 
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import NoSubstitute
-from shsa_core.healing.plan_table import PlanTable
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
+from shsa_core.planning.plan_table import PlanTable
 from shsa_testing.thorough import many
 
 ROBOT = ontology(

@@ -19,16 +19,17 @@ from core_robot import (
     publishing,
 )
 from shsa_core.errors import ModelError
-from shsa_core.healing import events, planner
+from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.settings import CERTAIN_S
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.planning import planner
+from shsa_core.planning.settings import CERTAIN_S
 
 
 def test_a_failure_kills_the_node_and_starts_the_best_substitute() -> None:

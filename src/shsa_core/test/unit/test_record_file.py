@@ -6,9 +6,10 @@ from typing import Callable, List
 import pytest
 
 from shsa_core.errors import ModelError
-from shsa_core.healing.records import Counters, Healthy, IdleProcess, Record
+from shsa_core.healing.records import Counters, Healthy, Record
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import RecordFile, read_records
+from shsa_core.planning.pool import IdleProcess
 
 CODEC = Codec(Record)
 OWNER = {"boot": "b", "run": "r"}

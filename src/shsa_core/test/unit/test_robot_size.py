@@ -12,8 +12,8 @@ from simulated_robot import Robot, lines_of  # noqa: E402
 from shsa_core.codegen.generator import ways_of  # noqa: E402
 from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.settings import Settings  # noqa: E402
+from shsa_core.model.health import PublisherState  # noqa: E402
 from shsa_core.model.kinds import Standby  # noqa: E402
-from shsa_core.monitoring.events import PublisherState  # noqa: E402
 
 
 def work(size: int, standby: Standby, alone: int) -> Dict[str, int]:

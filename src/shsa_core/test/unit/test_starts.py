@@ -5,11 +5,11 @@ import pytest
 
 from core_robot import B, Robot, function, service
 from shsa_core.healing import events
-from shsa_core.healing.pool import Starts
-from shsa_core.healing.settings import AT_ONCE, START_S
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.som import Som
+from shsa_core.planning.pool import Starts
+from shsa_core.planning.settings import AT_ONCE, START_S
 
 HOT = ("u", "v", "w", "x", "y")
 

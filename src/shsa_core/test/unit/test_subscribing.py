@@ -17,6 +17,7 @@ from rospy.impl.tcpros_pubsub import TCPROSSub
 from std_msgs.msg import String
 
 from shsa_core.errors import ShsaError
+from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe
 from shsa_core.ros.settings import LARGEST_HEADER_B
 from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
@@ -74,6 +75,19 @@ def test_a_header_that_does_not_end_is_given_up(heard: List[str]) -> None:
     wait_until(lambda: publisher.ended, 20.0, "the connection is closed")
     assert publisher.sent < 64 * LARGEST_HEADER_B
     publisher.close()
+
+
+def test_a_header_that_does_not_come_is_given_up(heard: List[str], monkeypatch: Any) -> None:
+    monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.2)
+    with socket.create_server(("localhost", 0)) as server:
+        protocol = ["TCPROS", "localhost", server.getsockname()[1]]
+        assert get_tcpros_handler().create_transport(heard[0], PUBLISHER, protocol)[0] == 1
+        server.settimeout(10.0)
+        connection, _ = server.accept()
+        with connection:
+            connection.settimeout(10.0)
+            while connection.recv(1 << 16):  # the header of the subscriber, and then the end
+                pass
 
 
 def connecting() -> Any:

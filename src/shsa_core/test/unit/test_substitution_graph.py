@@ -18,9 +18,10 @@ from substitute_driver import (
 
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import WITHDRAW_DELAY_S, YIELD_S
+from shsa_core.substitution.settings import WITHDRAW_DELAY_S
 
 FLOAT = "std_msgs/Float64"
 A, B = signal("/a"), signal("/b")
@@ -162,7 +163,7 @@ def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
     (look,) = only([c for _, c in driver.said], events.LookAtOriginal)
     driver.tell(events.OriginalServes, look, frozenset())
     (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
-    while driver.time < 0.1 + YIELD_S - PERIOD:
+    while driver.time < 0.1 + CHANGEOVER_S - PERIOD:
         driver.tell(events.OriginalServes, look, frozenset({"/one"}))
         driver.arrive(1.0)
         looked = only(driver.pass_to(round(driver.time + PERIOD, 9)), events.LookAtOriginal)
@@ -172,7 +173,7 @@ def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
     said = driver.said[-10:]
     assert set(served([c for _, c in said])) == {frozenset({"/one"})}
     driver.stream(3.0)
-    assert driver.published(0.1 + YIELD_S) == []
+    assert driver.published(0.1 + CHANGEOVER_S) == []
 
 
 def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
@@ -180,7 +181,7 @@ def test_once_the_time_to_yield_is_over_nobody_looks_any_more() -> None:
     driver.served(driver.change(row(False, original="/node")))
     driver.pass_to(10.0)
     last = [time for time, c in driver.said if isinstance(c, events.LookAtOriginal)][-1]
-    assert last < YIELD_S
+    assert last < CHANGEOVER_S
     assert driver.core.next_deadline == float("inf")
 
 

@@ -11,9 +11,10 @@ from hypothesis import given, strategies as st
 from substitute_driver import DEADLINE, IN, OUT, Driver, row, signal
 
 from shsa_core.errors import ShsaError
+from shsa_core.language.memory import longest_gap
 from shsa_core.substitution.events import InputArrived, Tick
+from shsa_core.substitution.job import Job, Schedule
 from shsa_core.substitution.readings import Readings
-from shsa_core.substitution.job import Job, Schedule, longest_gap
 from shsa_core.substitution.settings import MADE_UP_S
 from shsa_core.substitution.signals import decode, encode
 

@@ -10,9 +10,9 @@ from substitute_driver import CODE, DEADLINE, NAME, signal
 
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
-from shsa_core.substitution.settings import YIELD_S
 from shsa_testing.thorough import many
 
 INPUTS = (signal("/in"), signal("/spare", deadline=None), signal("/in", node="/left"))
@@ -81,7 +81,7 @@ class AnySubstitute(RuleBasedStateMachine):
     def on_Publish(self, command: events.Publish) -> None:
         topic = command.outputs[0].topic
         assert self.advertised[topic]
-        yields = self.muted_at is not None and self.now < self.muted_at + YIELD_S
+        yields = self.muted_at is not None and self.now < self.muted_at + CHANGEOVER_S
         alone = self.cut and self.told.on_partition is OnPartition.HEAL
         assert self.told.publishing or (yields and self.original) or alone or self.bridges()
         assert topic in self.told.topics or not self.told.publishing

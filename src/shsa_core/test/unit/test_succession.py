@@ -9,10 +9,10 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Counters, Healthy, Record, of_this_robot
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 Subscribers = Tuple[Tuple[str, Tuple[str, ...]], ...]
 

@@ -9,9 +9,9 @@ from shsa_msgs.msg import Failure, Health, PublisherHealth
 from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident
+from shsa_core.model import health
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring import events
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_seen
@@ -122,8 +122,8 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     """A monitor tells whoever comes later of what it has seen before."""
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     before = clock.now() - 100.0
-    state = events.PublisherState.FAILED
-    row = events.PublisherHealth("/odom", "/base", state, before, kind=Kind.SILENT, detail="x")
+    state = health.PublisherState.FAILED
+    row = health.PublisherHealth("/odom", "/base", state, before, kind=Kind.SILENT, detail="x")
     message = failure_message(replace(row, last_message=b"good"))
     assert message.last_message == b"good"
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)

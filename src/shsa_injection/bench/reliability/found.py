@@ -14,6 +14,7 @@ from reliability.scoreboard import Figures, Line, Mark, Trial
 from reliability.trying import attempt
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.checks import Witness, default_checks
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
@@ -40,7 +41,7 @@ class Streams:
     """Three sound streams, and the monitor that hears them; the first may be made faulty."""
 
     def __init__(self, ontology: Ontology, rng: random.Random) -> None:
-        self.failures: List[events.PublisherHealth] = []
+        self.failures: List[PublisherHealth] = []
         self.heard = 0
         self._rng, self._now = rng, 100.0
         self._core = Monitor(ontology=ontology)

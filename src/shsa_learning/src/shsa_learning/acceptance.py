@@ -2,6 +2,7 @@
 import re
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
+from shsa_core.derivations.calibrator import SOURCE as COMPARED
 from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import parse_yaml
 from shsa_core.files.regular import read_text
@@ -11,7 +12,6 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.calibration import SOURCE as COMPARED
 
 BRIEF_S = 3.0
 """A failure that is over so soon needs no substitute: a cold one takes as long to publish."""

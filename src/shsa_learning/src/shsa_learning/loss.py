@@ -3,7 +3,6 @@ from collections import deque
 from dataclasses import replace
 from typing import Collection, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -11,7 +10,7 @@ from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_core.search.substitutes import Substitute
+from shsa_learning.substitutes import Substitute, substitutes
 
 
 class Loss(NamedTuple):

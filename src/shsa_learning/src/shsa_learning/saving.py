@@ -1,7 +1,7 @@
 """Writes ontology files. What has not changed keeps its text and its comments."""
+import io
 import os
 import re
-import tempfile
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Tuple
 
 from ruamel.yaml import YAML
@@ -16,6 +16,7 @@ from shsa_core.files.regular import read_text
 from shsa_core.model.error import Error, quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property
 from shsa_core.model.relation import TransferFunction
+from shsa_learning.whole_file import write_whole
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")
 _WIDTH = 4096  # lines are not wrapped
@@ -171,15 +172,7 @@ def _without_tags(text: str) -> str:
 
 
 def dump(tree: CommentedMap, path: str) -> None:
-    """Write the file as a whole or not at all; a link to it stays one."""
-    path = os.path.realpath(path)
-    folder = os.path.dirname(path)
-    handle, temporary = tempfile.mkstemp(dir=folder, prefix=".shsa-", suffix=".yaml")
-    try:
-        with open(handle, "w", encoding="utf-8") as stream:
-            _editor().dump(tree, stream, transform=_without_tags)
-        os.chmod(temporary, os.stat(path).st_mode & 0o777 if os.path.exists(path) else 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    """Write the file as a whole or not at all."""
+    text = io.StringIO()
+    _editor().dump(tree, text, transform=_without_tags)
+    write_whole(path, text.getvalue())

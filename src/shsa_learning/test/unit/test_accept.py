@@ -1,5 +1,9 @@
 """`shsa accept`: advised incidents are judged, and one line is written, if somebody agrees."""
 import json
+import os
+import resource
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, List
@@ -7,11 +11,11 @@ from typing import Any, List
 import pytest
 
 from shsa_core.cli.main import main
+from shsa_core.derivations.calibrator import SOURCE
 from shsa_core.files.som_file import read_som
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.calibration import SOURCE
 from shsa_learning.acceptance import advice
 
 SOM = """\
@@ -102,3 +106,21 @@ def test_a_line_that_says_no_is_changed(som: Path, tmp_path: Path) -> None:
     som.write_text("act: false\n" + SOM)
     assert main(["accept", "--som", str(som), "--log", str(tmp_path / "none"), "--yes"]) == 0
     assert som.read_text() == "act: true\n" + SOM
+
+
+def test_a_full_disk_leaves_the_som_as_it_was(som: Path) -> None:
+    def full() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+
+    script = Path(__file__).resolve().parents[3] / "shsa_core" / "scripts" / "shsa"
+    words = ["accept", "--yes", "--som", str(som), "--log", str(som.parent / "none.jsonl")]
+    done = subprocess.run(
+        [sys.executable, str(script), *words],
+        preexec_fn=full,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
+    assert done.returncode == 2 and "File too large" in done.stderr
+    assert som.read_text() == SOM and [*som.parent.iterdir()] == [som]

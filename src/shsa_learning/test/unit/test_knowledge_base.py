@@ -13,8 +13,8 @@ from shsa_core.files.som_file import read_som
 from shsa_core.language.expression import Condition, parse_law
 from shsa_core.model.service import Provision as Value, Service
 from shsa_core.search.derivation import Derivation
-from shsa_core.search.substitutes import find_substitute
 from shsa_learning.init.knowledge_base import KnowledgeBase, Provision, read_knowledge_base
+from shsa_learning.substitutes import find_substitute
 
 Read = Callable[[str], KnowledgeBase]
 

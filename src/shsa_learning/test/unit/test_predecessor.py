@@ -12,7 +12,6 @@ from typing import Any, Callable, Dict, FrozenSet, Optional, Sequence, Tuple
 import pytest
 
 from shsa_core.cli.main import main
-from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError, NoSubstitute
@@ -23,7 +22,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.substitutes import find_substitute
+from shsa_learning.substitutes import find_substitute, substitutes
 
 Imported = Callable[[str], Tuple[Ontology, Som]]
 Names = FrozenSet[str]

@@ -13,9 +13,9 @@ import numpy as np
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.search.substitutes import find_substitute
 from shsa_learning.figures import error_of
 from shsa_learning.learn.evaluation import evaluate, evaluate_derivation
+from shsa_learning.substitutes import find_substitute
 from shsa_rover.dataset import Dataset
 
 FULL_SPAN = {"state_of_charge": 1.0}

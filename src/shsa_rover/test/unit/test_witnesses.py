@@ -6,13 +6,8 @@ import pytest
 
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.monitoring.events import (
-    Connected,
-    Message,
-    PublisherHealth,
-    SomChanged,
-    Tick,
-)
+from shsa_core.model.health import PublisherHealth
+from shsa_core.monitoring.events import Connected, Message, SomChanged, Tick
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.machine import Monitor
 from shsa_rover.current_sensor import CurrentSensor

@@ -119,7 +119,7 @@ def test_a_view_that_ends_is_said_to_be_gone_and_found_again(show: Any) -> None:
 
 
 def test_a_silent_view_is_asked_again(show: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shsa_rqt.widget.SILENCE_MS", 300)
+    monkeypatch.setattr("shsa_rqt.widget.SILENCE_MS", 1500)
     shown = show(robot())
     opened: List[int] = []
     shown.wait(lambda: bool(shown.rows()))

@@ -1,7 +1,8 @@
 """The failures in what the monitor's core says."""
 from typing import Iterable, List
 
-from shsa_core.monitoring.events import Command, HealthChanged, PublisherHealth
+from shsa_core.model.health import PublisherHealth
+from shsa_core.monitoring.events import Command, HealthChanged
 
 
 def failures_in(commands: Iterable[Command]) -> List[PublisherHealth]:

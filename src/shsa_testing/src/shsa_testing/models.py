@@ -11,7 +11,7 @@ from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
-from shsa_core.search.substitutes import Derivation
+from shsa_core.search.derivation import Derivation
 
 # 0.81 is 0.9 squared, and 0.45 is 0.9 times 0.5: products that tie only if they are compared
 # exactly.

@@ -2,8 +2,8 @@
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 from shsa_core.healing.incident import Incident, State as Step
+from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Word
-from shsa_core.monitoring.events import PublisherState
 from shsa_core.text import shown
 from shsa_view.facts import Publisher, Substitute
 

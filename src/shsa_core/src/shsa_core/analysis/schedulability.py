@@ -8,14 +8,13 @@ from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
 from shsa_core.analysis.finding import Finding
 from shsa_core.analysis.takeover import takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
-from shsa_core.healing.events import HostSeen
-from shsa_core.healing.placement import OWN, Computers, Placement
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.placement import OWN, Computers, Placement
 
 
 def check_placements(
@@ -48,9 +47,9 @@ class _Schedule:
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
-        self._hosts = Computers(settings, own)
+        self._hosts = Computers(own)
         for host in som.hosts.values():
-            self._hosts.seen(HostSeen(0.0, host.name, 0.0, host.cores or 0.0))
+            self._hosts.seen(0.0, host.name, 0.0, host.cores or 0.0)
         self._placed: Dict[str, List[Cost]] = {}
         self._placement = Placement(
             self._hosts, lambda host, _since: self._placed.get(host, []), lambda: som

@@ -1,18 +1,16 @@
 """Orders derivations: by what is preferred, by expected error where it is known, by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
-from typing import Collection, Iterable, Iterator, List, Mapping, NamedTuple
+from typing import Collection, Iterator, List, Mapping, NamedTuple
 from typing import Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error, refusal
-from shsa_core.model.ontology import EMPTY, Ontology
-from shsa_core.model.service import Source
 from shsa_core.model.network import Network
+from shsa_core.model.ontology import EMPTY
 from shsa_core.search.best import Usable
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint, rate_source
 from shsa_core.search.ranking import Ranking
-from shsa_core.search.substitutes import SMALLEST_QUALITY, Substitute
 
 MOST = 64
 """The most derivations of a property that are compared."""
@@ -110,29 +108,6 @@ def compare(
     wished, refused = set(prefer), [bool(refusal(error, limit)) for error in errors]
     order.sort(key=lambda i: (refused[i], wished.isdisjoint(derivations[i].relations())))
     return Compared([parts[i] for i in order], complete, refused.count(False))
-
-
-def substitutes(
-    ontology: Ontology,
-    sources: Iterable[Source],
-    target: str,
-    predictor: Optional[Predictor] = None,
-    prefer: Collection[str] = (),
-    limit: Optional[float] = None,
-) -> Iterator[Tuple[Substitute, Optional[Error]]]:
-    """Yield every substitute of the property `target`, best first, and its expected error.
-
-    `sources`: what may be used. Relations that cannot be executed count as well, and last of all
-    what is not used by its error. `prefer` and the `limit` of the error as in `listing`.
-    """
-    network = ontology.network
-    table = SourceTable(network, sources)
-    found = listing(network, table, [target], None, predictor, prefer, [limit], refused=True)
-    for place, (rated, best) in enumerate(found):
-        (derivation,) = rated.derivation.inputs
-        error = None if predictor is None else predictor.of([derivation])[0]
-        quality = max(rated.quality, SMALLEST_QUALITY)
-        yield Substitute(derivation, quality, proven_best=best and place == 0), error
 
 
 def ordered(derivations: Sequence[Derivation], predictor: Predictor) -> List[int]:

@@ -22,11 +22,12 @@ from shsa_core.search.best import BestDerivations, Usable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
 from shsa_core.search.nearest import nearest
-from shsa_core.search.substitutes import SMALLEST_QUALITY
 
 METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
 REFUSED_AT_MOST = 20
 """The most derivations that are passed over as too large for code, or too wrong."""
+SMALLEST_QUALITY = 5e-324
+"""A product of many qualities may be too small for a float, but it is not 0."""
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ after as long as the monitor's witnesses take, the node is believed unless they 
 from math import inf
 from typing import Dict, Iterable, Optional, Tuple
 
+from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.gating import settings
 from shsa_core.model.checks import LEARNED, Witness
 from shsa_core.model.error import spread
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.settings import SAMPLE_S
 
 Values = Dict[str, Optional[float]]
 Rows = Iterable[Substitution]

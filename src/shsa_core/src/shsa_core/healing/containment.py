@@ -2,12 +2,12 @@
 from dataclasses import dataclass
 from typing import List, Optional, Sequence, Set, Tuple
 
-from shsa_core.healing.health import HEALTHY, MISSED
+from shsa_core.healing.health import MISSED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import BY_LINK, Contain, Kind, Policy
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Stakes:
     ) -> Case:
         """Return the case of a node that failed on the topic of a service."""
         published = self._published(node)
-        well = [s for s, row in published if row.state is HEALTHY and s.name != failed.name]
+        well = [s for s, row in published if row.is_well and s.name != failed.name]
         partly = kind in BY_LINK or (kind in BY_VALUE and len(failed.provides) > 1)
         useful = [each.topic for each in well] + [f"good values on {failed.topic}"] * partly
         return Case(
@@ -150,20 +150,20 @@ class Stakes:
         self, failed: Service, node: str, published: List[Tuple[Service, PublisherHealth]]
     ) -> Set[str]:
         """Return the needed topics that would be lost with a node."""
-        others = {*self._health.dying, *self._health.excluded} - {node}
+        others = self._health.doomed - {node}
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:
-            may_speak = row.state is not PublisherState.FAILED or row.kind in MISSED
+            may_speak = not row.has_failed or row.kind in MISSED
             if service.needed and service.name != failed.name and may_speak:
                 if not self._remains(service, doomed):
                     lost.add(service.topic)
-            if row.state is HEALTHY:
+            if row.is_well:
                 lost.update(self._relying(service, doomed))
         # What goes with a node that is being killed was to be replaced, perhaps by this one.
         for other in sorted(others):
             for service, row in self._published(other):
-                promised = service.needed and row.state is HEALTHY
+                promised = service.needed and row.is_well
                 if promised and not self._remains(service, doomed):
                     if self._remains(service, others):
                         lost.add(service.topic)
@@ -178,8 +178,7 @@ class Stakes:
 
     def _remains(self, service: Service, doomed: Set[str]) -> bool:
         """Tell that a service has good data without some nodes."""
-        rows = self._health.rows[service.topic].values()
-        well = (row.publisher for row in rows if row.state is HEALTHY)
+        well = self._health.well(service.topic)
         remain = (each not in doomed and each not in self._health.substitutes for each in well)
         return any(remain) or self._planner.replaceable(service, doomed)
 

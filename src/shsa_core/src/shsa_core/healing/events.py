@@ -7,13 +7,14 @@ from typing import Optional, Tuple, Union
 
 from shsa_core.healing.incident import Incident
 from shsa_core.healing.records import Record
+from shsa_core.model.calibration import CalibrationRow
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import ServiceState, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
-from shsa_core.monitoring.events import CalibrationRow, PublisherHealth
 
 
 class Where(Word):

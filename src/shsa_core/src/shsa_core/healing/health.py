@@ -5,12 +5,13 @@ from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
-from shsa_core.healing.settings import START_S, SAME_S
+from shsa_core.healing.settings import SAME_S
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
 from shsa_core.model.service import Service, ServiceState
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
+from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
@@ -53,10 +54,19 @@ class Health:
         """Return the row of a publisher of a topic; None: there is none."""
         return self.rows[key[0]].get(key[1])
 
+    def well(self, topic: str) -> List[str]:
+        """Return the publishers of a topic that do well."""
+        return [name for name, row in self.rows[topic].items() if row.is_well]
+
     def healthy(self, key: Key) -> bool:
         """Tell that a publisher of a topic does well."""
         row = self.row(key)
-        return row is not None and row.state is HEALTHY
+        return row is not None and row.is_well
+
+    @property
+    def doomed(self) -> Set[str]:
+        """The nodes that are being killed, or were and have not been well since."""
+        return {*self.excluded, *self.dying}
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""
@@ -114,13 +124,13 @@ class Health:
     def _is_news(self, row: PublisherHealth) -> bool:
         """Tell that a new row turned failed, or fails anew."""
         before = self.row(row.key)
-        known = before is not None and before.state is FAILED and not self._begins(before, row)
-        return row.state is FAILED and not known
+        known = before is not None and before.has_failed and not self._begins(before, row)
+        return row.has_failed and not known
 
     def goes_on(self, row: PublisherHealth) -> bool:
         """Tell that a row has another message for a failure that is known."""
         before = self.row(row.key)
-        if before is None or before.state is not FAILED or row.state is not FAILED:
+        if before is None or not before.has_failed or not row.has_failed:
             return False
         return row.last_message not in (b"", before.last_message)
 
@@ -147,15 +157,15 @@ class Health:
         self.rows[topic][node] = row
         if node:
             self.topics.setdefault(node, {})[topic] = None
-        if row.state is HEALTHY or row.last_good is not None:
+        if row.is_well or row.last_good is not None:
             self.good.add(row.key)
-        if row.state is HEALTHY and row.last_message:
+        if row.is_well and row.last_message:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
             self.verified.discard(node)
         well = Healthy(topic, node, row.since, self.templates.get(row.key, b""))
-        self._records.set(well.key, well if row.state is HEALTHY else None)
-        if row.state is not HEALTHY or row.since <= self.excluded.get(node, row.since):
+        self._records.set(well.key, well if row.is_well else None)
+        if not row.is_well or row.since <= self.excluded.get(node, row.since):
             return []
         del self.excluded[node]
         return [(topic, node) for topic in self.topics[node]]
@@ -179,7 +189,7 @@ class Health:
         self.verified.discard(node)
         self.excluded[node] = time
         rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
-        if any(row.state is HEALTHY and row.since > time for row in rows):
+        if any(row.is_well and row.since > time for row in rows):
             del self.excluded[node]
 
     # A monitor is lost, or starts anew.
@@ -257,7 +267,7 @@ class Health:
         for row in rows:
             before = self.row(row.key)
             later = before is not None and row.since > before.since
-            if row.key in self._stranded and row.state is HEALTHY and not later:
+            if row.key in self._stranded and row.is_well and not later:
                 row = replace(row, since=time)
             found.append(row)
         self._stranded.difference_update(row.key for row in rows)
@@ -308,7 +318,7 @@ class Availability:
         rows = [
             row for row in health.originals(som, service) if row.publisher not in health.excluded
         ]
-        well = tuple(row.publisher for row in rows if row.state is HEALTHY)
+        well = tuple(row.publisher for row in rows if row.is_well)
         consumers = health.consumers.get(service.heard, ())
         if why or not well:
             why = why or next((row.detail for row in rows if row.detail), "not published")

@@ -15,19 +15,17 @@ from shsa_core.healing.events import AskMonitor, Command, FailureSeen, HealthSee
 from shsa_core.healing.events import HostSeen, Log
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.settings import ANSWER_S
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 
 
-def failure_seen(core: Core, event: FailureSeen) -> List[Command]:
-    """Heal after a failure that somebody tells, unless the table has told of it."""
-    return failed(core, event, told=False)
+def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
+    """Have a service decide about a failure; `told`: the table of health tells of it.
 
-
-def failed(core: Core, event: FailureSeen, told: bool = True) -> List[Command]:
-    """Have a service decide about a failure; `told`: the table of health tells of it."""
+    Else somebody does, who is not heeded if the table has told of it before.
+    """
     robot = core.robot
     topic, publisher = event.topic, event.publisher
     served = core.processes.served(publisher)
@@ -87,7 +85,7 @@ def health_seen(core: Core, event: HealthSeen) -> List[Command]:
     going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
     commands = _changed(core, *health.heed(event))
     for failure in going_on:
-        commands += failed(core, failure, told=False)
+        commands += failed(core, failure)
     return commands
 
 
@@ -111,7 +109,7 @@ def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -
     if failures:
         commands += core.settle()  # what has failed as well is no input
     for failure in failures:
-        commands += failed(core, failure)
+        commands += failed(core, failure, told=True)
     commands += core.ask_all(concerned, lambda each: each.changed())
     return commands + core.ask_all(judged, lambda each: each.replan())
 
@@ -122,20 +120,20 @@ def look_again(core: Core) -> List[Command]:
     commands: List[Command] = []
     for service in robot.som.needed():
         rows = robot.health.originals(robot.som, service)
-        well = any(row.state is PublisherState.HEALTHY for row in rows)
+        well = any(row.is_well for row in rows)
         for row in () if well or core.incident(service.name) else rows:
             known = row.publisher in robot.health.excluded or row.publisher in robot.health.dying
-            if row.state is PublisherState.FAILED and not known:
-                commands += failed(core, robot.health.failure(row))
+            if row.has_failed and not known:
+                commands += failed(core, robot.health.failure(row), told=True)
     return commands
 
 
 def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Command]:
     """Learn which process a node is that is well; forget that of one that is gone."""
     nodes, som = core.nodes, core.robot.som
-    if row is None or (row.state is PublisherState.FAILED and row.kind is Kind.NODE_GONE):
+    if row is None or (row.has_failed and row.kind is Kind.NODE_GONE):
         nodes.identities.went(node)
-    elif row.state is PublisherState.HEALTHY:
+    elif row.is_well:
         # Only the nodes that the SOM names are learned: anybody registers other names.
         if any(each.node == node for each in som.of_topic(row.topic)):
             return nodes.identities.came_up(node, row.topic)
@@ -174,8 +172,9 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     computers, host = robot.computers, robot.computers.name(event.host)
     if host and host not in robot.som.hosts:
         return []
-    heard, lost = computers.of(host).word.time, bool(computers.lost(host))
-    back = computers.seen(event)
+    heard, lost = computers.of(host).heard, bool(computers.lost(host))
+    link = event.sent + event.received
+    back = computers.seen(event.time, host, event.load, event.cores, link)
     commands: List[Command] = []
     if lost:
         commands.append(Log(Level.INFO, f"{host} is back."))
@@ -184,7 +183,7 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     if back:
         commands += _excuse(core, host, heard)
     commands += core.deliver(core.nodes.computer_heard(host))
-    lacking = [name for name in robot.indexes.stuck if core.services[name].lacks_room]
+    lacking = [name for name in robot.indexes.stuck if core.services[name].place is None]
     commands += core.ask_all(lacking, lambda each: each.replan())
     for name in list(robot.indexes.kept):  # its silence may be its own by now
         waited = robot.som.services[name]
@@ -203,8 +202,8 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
     """Note that a computer is not heard any more."""
     robot, processes = core.robot, core.processes
     host = robot.computers.name(event.host)
-    heard = robot.computers.of(host).word.time
-    if host not in robot.som.hosts or not robot.computers.lose(event):
+    heard = robot.computers.of(host).heard
+    if host not in robot.som.hosts or not robot.computers.lose(host, event.time, event.detail):
         return []
     why = f"{host} is lost: {event.detail.rstrip('.')}"
     commands: List[Command] = [Log(Level.WARN, f"{why}.")]

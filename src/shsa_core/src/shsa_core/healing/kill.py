@@ -2,12 +2,13 @@
 from dataclasses import dataclass, field, replace
 from typing import Dict, List, NamedTuple, Optional, Tuple, Union
 
-from shsa_core.agenda import Agenda, doubled
+from shsa_core.agenda import Agenda
 from shsa_core.healing import events, settings as limits
 from shsa_core.healing.events import Command, NodeFound, Where
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import RateHigh, RateLow
 from shsa_core.model.kinds import Word
+from shsa_core.planning.settings import CERTAIN_S
 
 USUAL = RateLow.usual, RateHigh.usual
 """Of its usual rate: a node that sends about that much on its own computer does well there."""
@@ -128,7 +129,7 @@ class Kills:
         if waits and robot.computers.reachable(host):
             self._pending[node] = _Pending(host, robot.time, True)
             if not host:  # our own is heard all the time
-                self.again.set(node, robot.time + limits.CERTAIN_S)
+                self.again.set(node, robot.time + CERTAIN_S)
             return []
         self._pending.pop(node, None)
         return self.begin(robot.time, order if host else replace(order, period=0.0))  # no link
@@ -149,7 +150,7 @@ class Kills:
             node
             for node, each in self._pending.items()
             if each.host == host
-            and (not each.silent or time - max(each.since, steady) >= limits.CERTAIN_S)
+            and (not each.silent or time - max(each.since, steady) >= CERTAIN_S)
         ]
         return [node for node in due if there and self._pending.pop(node)]
 
@@ -209,8 +210,7 @@ class Kills:
                 why = lost if kill.where is None else "its process does not end"
                 if not kill.order.if_dead:
                     tries = self._tries[node] = self._tries.get(node, -1) + 1
-                    pause = doubled(self._settings.retry, tries, self._settings.retry_limit)
-                    self.again.set(node, time + pause)
+                    self.again.set(node, time + self._settings.paused(tries))
                 said += self._over(time, node, False, why)
         return said
 

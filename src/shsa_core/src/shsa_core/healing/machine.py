@@ -28,7 +28,6 @@ from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import PublisherState
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
 NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)
@@ -85,12 +84,12 @@ class Reconfigurator:
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
                 events.MaintenanceSet: self._maintenance_set,
-                events.FailureSeen: partial(hearing.failure_seen, core),
+                events.FailureSeen: partial(hearing.failed, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
                 events.SomChanged: self._som_changed,
                 events.GraphSeen: self._graph_seen,
                 events.NodeLearned: self._node_learned,
-                events.NodeCameUp: self._node_came_up,
+                events.NodeCameUp: lambda e: core.ask_accusers(e.node, lambda each: each.came_up()),
                 **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
                 events.NodeUnregistered: self._node_unregistered,
                 events.SubstituteStarted: self._substitute_started,
@@ -187,7 +186,9 @@ class Reconfigurator:
     def explain(self, name: str, without: Collection[str] = (), method: str = "") -> Plan:
         """Return what would be done if the node of a service failed. Raises ShsaError."""
         excluded = [self.robot.som.known_name(each, self._namespace) for each in without]
-        plan = self.robot.planner.explain(self.find(name), excluded, method)
+        service = self.find(name)
+        excluded += self.robot.planned_without(service)
+        plan = self.robot.planner.explain(service, excluded, method)
         return replace(plan, errors=self.robot.planner.errors(plan))
 
     # Services come and go.
@@ -297,24 +298,24 @@ class Reconfigurator:
 
     def _maintenance_set(self, event: events.MaintenanceSet) -> List[Command]:
         """Kill and start nothing, or do so again once the monitors had a moment to tell."""
-        robot, core, processes = self.robot, self._core, self._processes
         if event.on is (self._held_until == inf):
             return []
         self._held_until = inf if event.on else event.time + ANSWER_S
         if event.on:
-            robot.maintained = True
-            processes.starts.held_until = inf
-            core.ask_all(processes.substituted, lambda each: [])
+            self._maintain(True)
             return [Log(Level.WARN, "Maintenance: nothing is killed or started.")]
-        asked = map(events.AskMonitor, ("", *robot.som.hosts))
+        asked = map(events.AskMonitor, ("", *self.robot.som.hosts))
         return [Log(Level.INFO, "The maintenance is over."), *asked]
+
+    def _maintain(self, on: bool) -> None:
+        self.robot.maintained = on
+        self._processes.starts.held_until = inf if on else -inf
+        self._core.ask_all(self._processes.substituted, lambda each: [])
 
     def _let_through(self, event: Event) -> List[Event]:
         """Return what is heeded now, in maintenance; hold the rest."""
         if self.robot.time >= self._held_until:
-            self.robot.maintained = False
-            self._processes.starts.held_until = -inf
-            self._core.ask_all(self._processes.substituted, lambda each: [])
+            self._maintain(False)
             held, self._held = self._held, {}
             return [*held.values(), event]
         if isinstance(event, NOT_HELD) or (self._held_until < inf and isinstance(event, HEALTH)):
@@ -327,9 +328,6 @@ class Reconfigurator:
         self._nodes.identities.learned(event)
         self._core.unsettle_node(event.node)
         return []
-
-    def _node_came_up(self, event: events.NodeCameUp) -> List[Command]:
-        return self._core.ask_accusers(event.node, lambda each: each.came_up())
 
     def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
         self._nodes.left_in_order(event.node)
@@ -371,12 +369,12 @@ class Reconfigurator:
         if service is None:
             return []
         originals = self.robot.health.originals(self.robot.som, service)
-        healthy = [row for row in originals if row.state is PublisherState.HEALTHY]
+        healthy = [row for row in originals if row.is_well]
         node = healthy[0].publisher if healthy else service.node
         last_good = healthy[0].last_good if healthy else None
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
-        return hearing.failed(self._core, failure)
+        return hearing.failed(self._core, failure, told=True)
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""

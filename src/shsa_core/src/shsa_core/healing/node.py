@@ -292,7 +292,7 @@ class Nodes:
         """Return how long a node must stay healthy when it returns now, in s."""
         settings = self._settings
         relapses = self._cases[node].trust.relapses if settings.switches else 0
-        return doubled(settings.hold_off, relapses, settings.longest_hold_off)
+        return settings.held_off(relapses)
 
     def kept_out(self, node: str) -> bool:
         """Tell that a node relapsed too often in a row to return."""

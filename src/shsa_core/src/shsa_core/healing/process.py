@@ -10,9 +10,6 @@ from shsa_core.codegen.plans import Plan, safe_values
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
-from shsa_core.healing.placement import Place, Placement
-from shsa_core.healing.pool import Pool, Starts
-from shsa_core.healing.records import IdleProcess
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
@@ -20,7 +17,10 @@ from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
-from shsa_core.monitoring.events import PublisherState
+from shsa_core.planning.placement import Place, Placement
+from shsa_core.planning.pool import Pool, Starts
+from shsa_core.planning.pool import IdleProcess
+from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
 
@@ -36,7 +36,7 @@ class Processes:
 
     def __init__(self, robot: Robot) -> None:
         self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
-        self.pool = Pool(robot.settings)
+        self.pool = Pool(robot.settings.pool, robot.settings.paused)
         self.starts = Starts()
         self.substitutes: Dict[str, "Substitute"] = {}
         self._most = robot.settings.hot_hosts
@@ -107,13 +107,8 @@ class Processes:
         time, planner = self._robot.time, self._robot.planner
         assert plan is not None
         shared = ahead and not host and self._shares(service, plan)
-        rows = self._robot.health.rows[service.topic].values()
-        speak = [row.publisher for row in rows if row.state is PublisherState.HEALTHY]
-        spare = (
-            self.pool.spare(host, speak)
-            if standby(service) is Standby.WARM and not shared
-            else None
-        )
+        warm = standby(service) is Standby.WARM and not shared
+        spare = self.pool.spare(host, self._robot.health.well(service.topic)) if warm else None
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
@@ -320,40 +315,49 @@ class Substitute:
         if plan is not None and self.whole and plan not in self.tried:
             if planner.usable(plan, {faulty}):
                 return plan
-        return planner.plan(service, self.tried, faulty)
+        return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
+
+    def place(self, service: Service, plan: Plan) -> Place:
+        """Return where the process at hand runs, or another would. Raises NoRoom."""
+        return Place(self.host) if self.node else self._processes.place(service, plan)
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
         tried = self.tried if self.plan is None else self.tried | {self.plan}
+        excluded = self._robot.health.doomed | {faulty}
         try:
-            return self._robot.planner.plan(service, tried, faulty)
+            return self._robot.planner.plan(service, excluded, tried)
         except ShsaError:
             return None
 
     def use(
-        self, service: Service, plan: Plan, publishes: bool = False, ahead: bool = False
+        self,
+        service: Service,
+        plan: Plan,
+        place: Optional[Place] = None,
+        publishes: bool = False,
+        ahead: bool = False,
     ) -> List[Command]:
         """Set the process at hand, which may publish already, or another to work on a plan.
 
-        `ahead`: nothing has failed yet; then that may be one that several share. Raises ShsaError
-        if there is no computer for another.
+        `place`: where; None: it is to be found. `ahead`: nothing has failed yet; then that may be
+        one that several share. Raises ShsaError if there is no computer for another.
         """
-        robot, now = self._robot, self._robot.time
-        chosen = bool(self.node) or not robot.som.hosts
-        host = self.host if chosen else self._processes.place(service, plan).host
+        now = self._robot.time
+        place = place or self.place(service, plan)
         self.plan, self.changed, starts = plan, now, False
         commands: List[Command] = []
         if self.node:
             commands.append(events.AssignSubstitute(self.node))
         else:
-            self.host = host
+            self.host = place.host
             command = self._processes.set_to_work(service, self, ahead)
             commands.append(command)
             starts = isinstance(command, events.StartSubstitute)
             if starts or ahead:  # an idle one may have taken the topic over by itself
                 self.working_since = now
         # One that was started a moment ago is on its way: another one would come up no sooner.
-        coming_up = self.started + robot.settings.start_timeout - now
+        coming_up = self.started + START_S - now
         self.patience = max(TAKEOVER_S, coming_up)
         self.plan_to_blame = starts or publishes
         return commands
@@ -378,11 +382,14 @@ class Substitute:
     def prepare(self, service: Service) -> List[Command]:
         """Follow the best plan for the case that the service's node fails.
 
-        A process is started for it once there is room.
+        A process is started for it once there is room. None stands by unless the service is hot.
         """
         robot = self._robot
+        if standby(service) is not Standby.HOT:
+            return self.drop()
         try:
-            plan = robot.planner.plans.plan(service.name) or robot.planner.explain(service)
+            ready = robot.planner.plans.plan(service.name)
+            plan = ready or robot.planner.explain(service, robot.planned_without(service))
             if plan == self.plan:
                 return []
             if not self.node and not self._processes.starts.may(robot.time, service.name):
@@ -395,6 +402,10 @@ class Substitute:
         """End the process."""
         node, self.node, self.host, self.shared, self.plan = self.node, "", "", False, None
         return self._processes.leave(self._service, node) if node else []
+
+    def rest(self, service: Service) -> List[Command]:
+        """Publish no more: the process of a hot service stands by, others end."""
+        return [] if standby(service) is Standby.HOT else self.drop()
 
     def failed(self, tried: bool) -> List[Command]:
         """End the process, which failed.

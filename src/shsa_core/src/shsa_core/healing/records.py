@@ -8,6 +8,7 @@ from typing import Iterable, Optional, Tuple, Union
 from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
+from shsa_core.planning.pool import IdleProcess
 
 
 class Fate(Word):
@@ -83,16 +84,6 @@ class ServiceRecord(Keyed):
     kind: Kind = Kind.OTHER
     fate: Fate = Fate.NONE
     substitution: Optional[Substitution] = None
-
-
-@dataclass(frozen=True)
-class IdleProcess(Keyed):
-    """An idle process of the pool, when it was started, and on which computer."""
-
-    KEY = "idle {0.node}"
-    node: str
-    started: float
-    host: str = ""
 
 
 @dataclass(frozen=True)

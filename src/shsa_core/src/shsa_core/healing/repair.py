@@ -5,19 +5,18 @@ docs/reference/ros.md shows this table.
 from dataclasses import replace
 from typing import Iterable, List, Optional, Tuple
 
-from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import Accusation
-from shsa_core.healing.placement import NoRoom, Place
-from shsa_core.healing.records import Fate
 from shsa_core.healing.process import standby
+from shsa_core.healing.records import Fate
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
-from shsa_core.healing.settings import LONGEST_START_S
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
+from shsa_core.planning.placement import HERE, NoRoom
+from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
 
@@ -186,16 +185,16 @@ def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
 def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
     """Return the plan to follow now; None: there is none, and why."""
     spec, policy, substitute = service.spec, service.spec.policy, service.substitute
-    service.lacks_room = False
+    service.place = HERE
     try:
         if not policy.plans:
             raise ShsaError(f"its policy is {policy}")
         plan = substitute.find(spec, service.incident.faulty_node)
-        if policy.substitutes and not substitute.node and service.robot.som.hosts:
-            service.processes.place(spec, plan)  # is there a computer for it?
+        if policy.substitutes:
+            service.place = substitute.place(spec, plan)
         return plan, NOT_MISSED
     except ShsaError as none:
-        service.lacks_room = isinstance(none, NoRoom)
+        service.place = None if isinstance(none, NoRoom) else HERE
         return None, none
 
 
@@ -213,13 +212,11 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
-    text = f"{spec.topic}: found a substitute of {plan.told}."
-    at_hand = Place(substitute.host) if substitute.node else None
-    where = (at_hand or service.processes.place(spec, plan)).words if robot.som.hosts else ""
-    commands = substitute.use(spec, plan, publishes)
+    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place or HERE
+    commands = substitute.use(spec, plan, place, publishes)
     if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
         text += " No idle process is left: this is a cold start."
-    text += where
+    text += place.words
     commands.append(Log(Level.INFO, text))
     service.timers.clear()
     state = State.HEALED
@@ -233,7 +230,7 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -258,7 +255,7 @@ def wait(service: ServiceMachine, acts: bool = True) -> List[Command]:
 def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List[Command]:
     """Say what could be done: the node is kept, and nobody publishes beside it."""
     spec, incident = service.spec, service.incident
-    commands = [] if standby(spec) is Standby.HOT else service.substitute.drop()
+    commands = service.substitute.rest(spec)
     acts = spec.policy is not Policy.ADVISE and incident.kind is not Kind.REQUESTED
     commands += wait(service, acts)
     could = f"It cannot be replaced: {none}"
@@ -274,7 +271,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
         detail=detail,
         missing=none.missing,
         substitute="",
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -300,7 +297,7 @@ def give_up(service: ServiceMachine, none: ShsaError) -> List[Command]:
         detail=text,
         missing=none.missing,
         substitute=service.node,
-        **service.robot.planner.shown(service.spec.name, plan),
+        **service.shown(plan),
     )
 
 
@@ -324,8 +321,7 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
 
 def prepare(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Keep the substitute of a hot service on the best plan; without an incident."""
-    hot = standby(service.spec) is Standby.HOT
-    return service.substitute.prepare(service.spec) if hot else service.substitute.drop()
+    return service.substitute.prepare(service.spec)
 
 
 def pause_standby(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -367,9 +363,8 @@ def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
 
 def end(service: ServiceMachine, _: Failure) -> List[Command]:
     """End the incident: the original is well again."""
-    hot = standby(service.spec) is Standby.HOT
-    stopped = " The substitute has stopped." if service.node and not hot else ""
-    commands = [] if hot else service.substitute.drop()
+    node, commands = service.node, service.substitute.rest(service.spec)
+    stopped = " The substitute has stopped." if node != service.node else ""
     return commands + close(service, service.incident.detail + stopped) + prepare(service)
 
 
@@ -397,8 +392,7 @@ def close(service: ServiceMachine, why: str) -> List[Command]:
 def pause(service: ServiceMachine) -> float:
     """Return how long to wait before the next try, in s."""
     service.pauses += 1
-    settings = service.robot.settings
-    return doubled(settings.retry, service.pauses - 1, settings.retry_limit)
+    return service.robot.settings.paused(service.pauses - 1)
 
 
 _STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)

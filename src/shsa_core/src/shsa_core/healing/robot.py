@@ -1,20 +1,67 @@
 """The rooms that the machines of the reconfigurator share: its knowledge of the robot."""
 from dataclasses import replace
 from math import inf
-from typing import Dict, Iterator, Optional, Tuple
+from typing import Dict, FrozenSet, Iterable, Iterator, List, Optional, Set, Tuple
 
+from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
-from shsa_core.model.names import Names
-from shsa_core.healing.placement import Computers
-from shsa_core.healing.planner import Calibrations, Indexes, Planner
+from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
 from shsa_core.healing.records import Record, RestartedNode
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
+from shsa_core.model.names import Names
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.placement import Computers
+from shsa_core.planning.planner import Planner
 from shsa_core.table import Table
+
+
+class Indexes:
+    """Services by what they read and wait for, kept up as they decide.
+
+    `healing`: those with an incident. `stuck`: those that nothing can heal now, or not with all
+    values. `kept`: those whose faulty node is kept. `computed`: those that a substitute computes,
+    or is to: without which node, and which plans were tried in vain.
+    """
+
+    def __init__(self) -> None:
+        self.stuck: Dict[str, None] = {}
+        self.kept: Dict[str, None] = {}
+        self.healing: Dict[str, None] = {}
+        self.computed: Dict[str, Tuple[str, FrozenSet[Plan]]] = {}
+        self.refused: Dict[str, str] = {}
+        self._reads: Dict[str, Dict[str, None]] = {}
+        self._readers: Dict[str, Set[str]] = {}
+
+    def readers(self, services: Iterable[str]) -> List[str]:
+        """Return the services whose substitute reads one of some services."""
+        return sorted({name for each in services for name in self._readers.get(each, ())})
+
+    def follow(
+        self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
+    ) -> None:
+        """Note how a service has decided, and what its substitute reads now."""
+        self.stuck.pop(name, None)
+        self.kept.pop(name, None)
+        self.healing.pop(name, None)
+        self.computed.pop(name, None)
+        sources = plan.inputs if plan else ()
+        for read in self._reads.get(name, ()):
+            self._readers[read].discard(name)
+        self._reads[name] = {each.service.name: None for each in sources}
+        for read in self._reads[name]:
+            self._readers.setdefault(read, set()).add(name)
+        if incident.state is not State.WELL:
+            self.healing[name] = None
+        if incident.state in STUCK or (plan and plan.left_out):
+            self.stuck[name] = None
+        if incident.state is State.KEPT or incident.kept:
+            self.kept[name] = None
+        if incident.state in SUBSTITUTED:
+            self.computed[name] = incident.faulty_node, tried
 
 
 class Robot:
@@ -40,11 +87,11 @@ class Robot:
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)
         self.availability = Availability(self.health)
-        self.computers = Computers(settings, host)
+        self.computers = Computers(host, settings.held_off, settings.stable)
         self.indexes = Indexes()
-        self.calibrations = Calibrations()
-        rooms = self.health, self.availability, self.calibrations
-        self.planner = Planner(ontology, som, settings, *rooms)
+        how = settings.method, settings.deadlines
+        self.planner = Planner(ontology, som, self.availability.services, *how)
+        self.calibrations = self.planner.calibrations
 
     @property
     def restarted(self) -> Tuple[RestartedNode, ...]:
@@ -84,6 +131,11 @@ class Robot:
             return f"{service.host} cannot be reached, and on_partition is wait"
         doubted = self.computers.doubted(self.computers.name(service.host), self.time)
         return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
+
+    def planned_without(self, service: Service) -> List[str]:
+        """Return the nodes that a service is to be planned without."""
+        publishers = (row.publisher for row in self.health.originals(self.som, service))
+        return [service.node, *publishers, *self.health.excluded]
 
     def host_of(self, node: str) -> str:
         """Return the computer that a node runs on; empty: our own, or not known."""

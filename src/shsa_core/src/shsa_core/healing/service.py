@@ -16,14 +16,15 @@ from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigger
 from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
-from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import CHANGEOVER_S, SAME_S
 from shsa_core.healing.process import Processes, Substitute
+from shsa_core.healing.robot import Robot
+from shsa_core.healing.settings import SAME_S
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
+from shsa_core.planning.placement import HERE, Place
 
 
 Failure = Optional[FailureSeen]
@@ -40,8 +41,8 @@ class ServiceMachine:
 
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
     `spec`: the service as it counts now. `accusation`: what is held against the node that the
-    incident blames. `last_message`: the last good one of the service, serialized. `lacks_room`: it
-    has a plan, and no computer for it.
+    incident blames. `last_message`: the last good one of the service, serialized. `place`: where
+    its substitute runs, or would; None: there is a plan, and no computer for it.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class ServiceMachine:
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
-        self.lacks_room = False
+        self.place: Optional[Place] = HERE
         self.last_message = b""
         self._message_came = -math.inf
         self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
@@ -139,6 +140,11 @@ class ServiceMachine:
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
+    def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
+        """Return what an incident shows of the plan that is carried out, or could be."""
+        unavailable = self.robot.availability.unavailable - {self.spec.name}
+        return {"unavailable": tuple(sorted(unavailable)), **self.robot.planner.shown(plan)}
+
     # A publisher fails.
 
     def failed(self, event: FailureSeen) -> List[Command]:
@@ -157,7 +163,7 @@ class ServiceMachine:
             if event.time <= (incident.killed or -math.inf):
                 return []  # that process is gone
         if incident.state is State.WELL:
-            well = (row.publisher for row in self.originals if row.state is PublisherState.HEALTHY)
+            well = (row.publisher for row in self.originals if row.is_well)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
@@ -355,7 +361,7 @@ class ServiceMachine:
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
-        if row is None or row.state is not PublisherState.HEALTHY:
+        if row is None or not row.is_well:
             return None
         least = self.substitute.working_since - SAME_S
         if row.first_message is not None and row.first_message >= least:
@@ -373,7 +379,7 @@ class ServiceMachine:
             return []
         came = any(
             row.publisher == incident.faulty_node
-            and row.state is not PublisherState.FAILED
+            and not row.has_failed
             and row.since > incident.killed
             for row in self.originals
         )
@@ -387,7 +393,7 @@ class ServiceMachine:
         if incident.faulty_node in self.robot.health.dying:
             return None
         failed_at = incident.detected if incident.killed is None else incident.killed
-        back = (each for each in self.originals if each.state is PublisherState.HEALTHY)
+        back = (each for each in self.originals if each.is_well)
         return next((row for row in back if row.since > failed_at), None)
 
     # What is shown, and written down.

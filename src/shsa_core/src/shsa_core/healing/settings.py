@@ -1,6 +1,7 @@
 """The reconfigurator's times and limits: each with its unit and its reason."""
 from dataclasses import dataclass, field
 
+from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import METHODS
 from shsa_core.model.service import Deadlines
 
@@ -23,7 +24,6 @@ class Settings:
     deadline: float = Deadlines.periods  # in periods, as the monitor's
     hold_off_limit: float = 60.0  # that `hold_off` doubles up to
     relapse: float = 5.0  # times `hold_off`: a node that fails so soon after its return relapses
-    start_timeout: float = 5.0  # that a new process may take to its first message
     restarts: int = 2  # times that a substitute that died is started again with the same plan
     restart_pause: float = 0.5  # before a node is started again; it doubles
     restart_timeout: float = 10.0  # that a restarted node may take to its first message
@@ -31,25 +31,22 @@ class Settings:
     retry: float = 2.0  # after which a service that could not be healed is tried again; it doubles
     retry_limit: float = 60.0  # that `retry` doubles up to
     kill_patience: float = 0.1  # that a node has to leave where the SOM says `contain: node`
-    # How long a takeover lasts for `fault_tolerant_time`: the 95th percentile of 50 by roscpp.
-    takeover_cold: float = 0.83
-    takeover_warm: float = 0.03
-    takeover_hot: float = 0.03
 
     @property
     def deadlines(self) -> Deadlines:
         """Return when values are stale."""
         return Deadlines(self.deadline, self.minimum_deadline)
 
-    @property
-    def longest_hold_off(self) -> float:
-        """Return what `hold_off` doubles up to, in s."""
-        return max(self.hold_off, self.hold_off_limit)
+    def held_off(self, times: int) -> float:
+        """Return the hold-off in s of what has relapsed so many times."""
+        return doubled(self.hold_off, times, max(self.hold_off, self.hold_off_limit))
+
+    def paused(self, times: int) -> float:
+        """Return the pause in s before what failed is tried once more, after so many tries."""
+        return doubled(self.retry, times, max(self.retry, self.retry_limit))
 
 
 SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
-START_S = 5.0  # that a process may take to come up: what depends on it is not late before
-LONGEST_START_S = 20.0  # on a busy computer; what has lived so long comes up, and stays
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
 ANSWER_S = 0.5
@@ -60,21 +57,8 @@ FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
 LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
-CERTAIN_S = 2.0  # that a computer is heard beside a node's silence before that is the node's own
 STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
 FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
 
-# Computers.
-SETTLE_S = 2.0  # computers come one after the other: then what stands by is placed anew
-MISSED_S = 1.5  # a computer that was not heard for so long was cut off, though nobody said so
-STRAINED = 0.9  # of its cores busy: more makes well nodes slow
-
 # Processes of substitutes.
-AT_ONCE = 2  # come up at a time: each costs most of a core until it is heard
-PAUSE_S = 1.0  # between two idle processes, and after a takeover, which needs the processor
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
-CHANGEOVER_S = 1.0  # after a change of program silence is no failure yet
-
-STEPS = 10_000  # functions that are looked at while something has failed
-RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
-ENOUGH = 60  # samples until a new monitor knows more of a calibration than the one before

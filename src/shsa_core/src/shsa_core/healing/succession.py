@@ -10,23 +10,23 @@ from shsa_core.healing import events, hearing
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.kill import KillNode
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
-from shsa_core.healing.planner import program_of
+from shsa_core.healing.kill import KillNode
 from shsa_core.healing.records import (
     Counters,
     Fate,
     Healthy,
-    IdleProcess,
     NodeRecord,
     RestartedNode,
     ServiceRecord,
 )
 from shsa_core.healing.service import ServiceMachine
-from shsa_core.healing.settings import START_S
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Policy
 from shsa_core.model.log import Level
-from shsa_core.monitoring.events import PublisherHealth, PublisherState
+from shsa_core.planning.planner import program_of
+from shsa_core.planning.pool import IdleProcess
+from shsa_core.planning.settings import START_S
 
 
 def started(core: Core, event: events.Started) -> List[Command]:

@@ -3,11 +3,12 @@ import math
 from collections import deque
 from typing import Callable, Deque, List, Optional, Tuple
 
-MAX_GAP_S = 1.0
+from shsa_core.watch import INSTANT_S
+
+MAX_GAP_S, GAP_PERIODS = 1.0, 10.0
 MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
 """The most samples that a delay holds."""
-SAME_TIME_S = 1e-6  # a float of a time of today has no finer steps
 NO_VALUE = math.nan
 
 Memory = Callable[..., float]
@@ -18,6 +19,11 @@ time of the last one is the same sample: the result is the same and nothing chan
 more than `max_gap` (s), or when time runs backwards, the function starts anew. Each is one flat
 function: a call inside would double its cost.
 """
+
+
+def longest_gap(period: Optional[float]) -> float:
+    """Return the time in s without a value after which functions start anew."""
+    return math.inf if period is None else max(MAX_GAP_S, GAP_PERIODS * period)
 
 
 def previous(max_gap: float = MAX_GAP_S) -> Memory:
@@ -125,7 +131,7 @@ def delay(max_gap: float = MAX_GAP_S) -> Memory:
                 held.clear()
             if not held or now - held[-1][0] >= time / HELD_SAMPLES:
                 held.append((now, value))
-            before = now - time + SAME_TIME_S
+            before = now - time + INSTANT_S
             while len(held) > 1 and held[1][0] <= before:
                 held.popleft()
             result = held[0][1]

@@ -1,8 +1,9 @@
 """A substitute's calibration: the gain and offset by which its value is that of the lost sensor."""
 from dataclasses import dataclass
-from typing import Optional
+from typing import Optional, Tuple
 
 from shsa_core.model.error import Error
+from shsa_core.model.substitution import Program
 
 
 @dataclass(frozen=True)
@@ -20,10 +21,22 @@ class Calibration:
         """Return the calibrated value."""
         return self.gain * derived + self.offset
 
-    @property
-    def is_none(self) -> bool:
-        """It changes nothing."""
-        return self.gain == 1.0 and self.offset == 0.0
-
 
 UNCALIBRATED = Calibration()
+
+
+@dataclass(frozen=True)
+class CalibrationRow:
+    """The calibration of a program that would substitute a service, output by output."""
+
+    service: str
+    program: Program
+    calibrations: Tuple[Calibration, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationsChanged:
+    """New and changed calibrations, and those that are followed no more."""
+
+    rows: Tuple[CalibrationRow, ...]
+    removed: Tuple[Tuple[str, Program], ...] = ()

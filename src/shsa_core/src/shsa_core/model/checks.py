@@ -6,7 +6,7 @@ holds the three together.
 from dataclasses import dataclass
 from math import inf, isfinite
 from types import MappingProxyType
-from typing import Any, ClassVar, Dict, Mapping, Optional, Tuple, Type, Union
+from typing import Any, ClassVar, Dict, Iterable, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.language import temporal
 from shsa_core.model.kinds import Kind
@@ -46,6 +46,23 @@ class Check:
     def judge(self, sample: Any) -> Optional[str]:
         """Return the observation and the limit, in words, if `sample` is bad."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A kind of failure, and in words what was seen and what is allowed."""
+
+    kind: Kind
+    detail: str
+
+
+def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
+    """Return what the first of the checks that judge such a sample finds wrong with it."""
+    for check in checks:
+        detail = check.judge(sample) if check.sample is type(sample) else None
+        if detail is not None:
+            return Finding(check.kind, detail)
+    return None
 
 
 class NotANumber(Check):

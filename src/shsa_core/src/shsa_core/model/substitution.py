@@ -7,6 +7,12 @@ from shsa_core.model.kinds import OnPartition, Others
 from shsa_core.model.service import Signal
 
 
+CHANGEOVER_S = 1.0
+"""The time in s that a change of substitutes may take: one that comes up or changes its program is
+silent so long, and others are late with it; one that was muted serves so long whom the original
+does not serve yet, which takes roscpp 0.2 s."""
+
+
 @dataclass(frozen=True)
 class Program:
     """The three strings of a substitute: input paths, code, output paths."""

@@ -9,7 +9,8 @@ from enum import Enum
 from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
-from shsa_core.monitoring.settings import CHANGEOVER_S, CONNECT_S, TOGETHER_NODES
+from shsa_core.model.substitution import CHANGEOVER_S
+from shsa_core.monitoring.settings import CONNECT_S, TOGETHER_NODES
 
 
 class Blame(Enum):

@@ -4,18 +4,12 @@ from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.model.checks import BY_VALUE
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
+from shsa_core.model.log import Level, Log
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import (
-    Command,
-    HealthChanged,
-    Key,
-    PublisherHealth,
-    PublisherState,
-    SubstitutionsChanged,
-    Told,
-)
+from shsa_core.monitoring.events import Command, HealthChanged, SubstitutionsChanged
 from shsa_core.monitoring.publishers import (
     NOBODY,
     Publisher,
@@ -97,13 +91,22 @@ class Board:
         found = self.topics.get(topic)
         return found.publishers.get(name) if found else None
 
+    def is_there(self, service: Service) -> bool:
+        """Tell if the own node of a service is healthy, and has told something."""
+        node = self.find(service.topic, service.node)
+        return node is not None and node.is_healthy and node.last_good is not None
+
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the row of every publisher."""
         return tuple(publisher.row() for publisher in self.all())
 
-    def say(self, command: Command) -> None:
+    def say(self, commands: Iterable[Command]) -> None:
         """Say something beside the rows that have changed."""
-        self._said.append(command)
+        self._said += commands
+
+    def warn(self, text: str) -> None:
+        """Warn people."""
+        self.say([Log(Level.WARN, text)])
 
     def commands(self) -> List[Command]:
         """Return the changed rows, and what else is said, since the last call."""
@@ -141,12 +144,6 @@ class Board:
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
 
-    def upstream(self, service: Service) -> Iterator[Publisher]:
-        """Yield the publishers of what a service is computed from."""
-        for topic in self.topics.values():
-            if not topic.services.keys().isdisjoint(service.upstream):
-                yield from topic.publishers.values()
-
     # Changes
 
     def look_when_due(self, publisher: Publisher) -> None:
@@ -176,7 +173,7 @@ class Board:
         watched.bridged += 1
         if watched.bridged == 1:
             what = f"{publisher.name} has filled in for a late message"
-            self.say(Told(self.now, f"{publisher.topic.name}: {what}. This is no failure"))
+            self.warn(f"{publisher.topic.name}: {what}. This is no failure")
 
     def meet(self, topic: WatchedTopic, name: str, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
@@ -235,7 +232,7 @@ class Board:
             self.touch(publisher)
         if log and not publisher.was_logged:
             publisher.logged.add(without_numbers(detail))
-            self.say(Told(self.now, f"{publisher.topic.name}: {publisher.name}: {detail}"))
+            self.warn(f"{publisher.topic.name}: {publisher.name}: {detail}")
 
     def become_healthy(self, publisher: Publisher) -> None:
         """Find a publisher healthy."""

@@ -6,13 +6,14 @@ last good values, its rate and its pauses so far are judged by the new numbers.
 from dataclasses import replace
 from typing import Optional
 
+from shsa_core.model.checks import Finding
 from shsa_core.model.kinds import Kind
+from shsa_core.model.log import Level, Log
 from shsa_core.model.numbers import allows_more, differences
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import Board
-from shsa_core.monitoring.events import ChangeRefused, Told
-from shsa_core.monitoring.evidence import Finding
+from shsa_core.monitoring.events import ChangeRefused
 from shsa_core.monitoring.publishers import Publisher
 
 
@@ -41,13 +42,13 @@ def decide(board: Board, som: Som, deadlines: Deadlines) -> Som:
             more = "; it allows more" * weaker
             if service.weakened:
                 more = f"; it allows more than the SOM file: {service.weakened}"
-            time, weaker = board.now, bool(more)
-            board.say(Told(time, f"Changed: {text}; it concerns {whom}{more}", weaker))
+            said = Log(Level.WARN, f"Changed: {text}; it concerns {whom}{more}")
+            board.say([said if more else replace(said, level=Level.INFO)])
         else:
             services[service.name] = kept
             name, why = wrong
             text = f"{text}: {name} is healthy, and would fail at once: {why.kind}: {why.detail}"
-            board.say(ChangeRefused(board.now, kept, text))
+            board.say([ChangeRefused(kept, text)])
     return som.with_services(services.values())
 
 

@@ -13,6 +13,7 @@ from collections import deque
 from math import ceil, inf, log
 from typing import Deque, List, Optional
 
+from shsa_core.derivations.settings import REFRESH_S
 from shsa_core.monitoring import settings
 from shsa_core.watch import INSTANT_S
 
@@ -39,7 +40,7 @@ class LearnedDeadline:
         self.needed = max(
             settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
         )
-        self._every = max(1, round(settings.REFRESH_S / period))
+        self._every = max(1, round(REFRESH_S / period))
         same = before is not None and before.period == period
         self._blocks: Deque[_Block] = before._blocks if before and same else deque([_Block()])
         self.allowed = fixed

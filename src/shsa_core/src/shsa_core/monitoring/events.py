@@ -5,60 +5,13 @@ Times in s on one monotonic clock.
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
-from shsa_core.model.calibration import Calibration
-from shsa_core.model.kinds import Kind, Word
+from shsa_core.model.calibration import CalibrationsChanged
+from shsa_core.model.health import Key, PublisherHealth
+from shsa_core.model.log import Log
 from shsa_core.model.samples import Parts
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.model.substitution import Program, Substitution
-
-Key = Tuple[str, str]
-"""A topic and one of its publishers: the unit of health and of blame."""
-
-
-class PublisherState(Word):
-    """The state of a publisher; see shsa_msgs/PublisherHealth."""
-
-    UNKNOWN = "unknown"
-    HEALTHY = "healthy"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class PublisherHealth:
-    """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed.
-
-    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed,
-    or what is doubtful or unusual. `last_message`: of one that failed, the serialized message from
-    which a substitute goes on; empty: not known. `uri`: the address of the
-    process that was heard.
-    """
-
-    topic: str
-    publisher: str
-    state: PublisherState
-    since: float
-    first_message: Optional[float] = None
-    last_good: Optional[float] = None
-    kind: Optional[Kind] = None
-    detail: str = ""
-    service: str = ""
-    last_message: bytes = b""
-    uri: str = ""
-
-    @property
-    def key(self) -> Key:
-        """The row's topic and publisher."""
-        return self.topic, self.publisher
-
-
-@dataclass(frozen=True)
-class CalibrationRow:
-    """The calibration of a program that would substitute a service, output by output."""
-
-    service: str
-    program: Program
-    calibrations: Tuple[Calibration, ...]
+from shsa_core.model.substitution import Substitution
 
 
 @dataclass(frozen=True)
@@ -215,27 +168,8 @@ class ChangeRefused:
     does.
     """
 
-    time: float
     service: Service
     text: str
 
 
-@dataclass(frozen=True)
-class Told:
-    """A line for people, in the log: a warning, or how things go."""
-
-    time: float
-    text: str
-    warning: bool = True
-
-
-@dataclass(frozen=True)
-class CalibrationsChanged:
-    """New and changed calibrations, and those that are followed no more."""
-
-    time: float
-    rows: Tuple[CalibrationRow, ...]
-    removed: Tuple[Tuple[str, Program], ...] = ()
-
-
-Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Told]
+Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Log]

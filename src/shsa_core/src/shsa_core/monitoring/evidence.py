@@ -1,13 +1,13 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, isfinite
-from typing import Any, Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
+from typing import Deque, Dict, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.expression import Expression
 from shsa_core.language.temporal import Truth
-from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Formula, OutOfRange
+from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Finding, Formula, OutOfRange, judge
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample
 from shsa_core.model.samples import Usual, ValueSample
@@ -15,14 +15,6 @@ from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.habits import Form, StampAges, Stillness
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A kind of failure, and in words what was seen and what is allowed."""
-
-    kind: Kind
-    detail: str
 
 
 Learned = Dict[Tuple[str, str], Stillness]
@@ -42,15 +34,6 @@ def checked_provisions(service: Service) -> Tuple[Provision, ...]:
 def checks_header(service: Service) -> bool:
     """Tell if any check needs the header."""
     return any(each.sample in (FormSample, StampSample) for each in service.checks.each)
-
-
-def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
-    """Return what the first of the checks that judge such a sample finds wrong with it."""
-    for check in checks:
-        detail = check.judge(sample) if check.sample is type(sample) else None
-        if detail is not None:
-            return Finding(check.kind, detail)
-    return None
 
 
 def _checks_of(provision: Provision) -> Tuple[Check, ...]:

@@ -4,6 +4,10 @@ from math import isfinite
 from typing import Optional
 
 from shsa_core.codegen.prediction import predictor
+from shsa_core.derivations.agreement import Witnesses
+from shsa_core.derivations.calibrations import Calibrations
+from shsa_core.derivations.evaluation import Derivations
+from shsa_core.model.checks import Finding, judge
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import IntruderSample, ValueSample
@@ -11,13 +15,9 @@ from shsa_core.model.service import Deadlines
 from shsa_core.model.som import Som
 from shsa_core.monitoring.alibis import Alibi, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
-from shsa_core.monitoring.calibrations import Calibrations
-from shsa_core.monitoring.derivations import Derivations
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.evidence import Finding, judge
 from shsa_core.monitoring.publishers import Publisher
 from shsa_core.monitoring.surroundings import Surroundings
-from shsa_core.monitoring.witness import Witnesses
 
 LATE = {Kind.RATE_LOW: Blame.RATE, Kind.RATE_HIGH: Blame.HASTE, Kind.STALE_STAMP: Blame.STAMP}
 NOT_BLAMED = "not blamed: "
@@ -29,18 +29,23 @@ class Judgement:
     def __init__(
         self, board: Board, around: Surroundings, ontology: Ontology, deadlines: Deadlines
     ) -> None:
-        self._board, self._around, self._ontology = board, around, ontology
+        self._board, self._around, self._ontology, self._som = board, around, ontology, Som()
         self._derivations = Derivations(deadlines)
-        self.calibrations = Calibrations(ontology, self._derivations, board)
+        self._calibrations = Calibrations(ontology, self._derivations, board.is_there)
         self._witnesses = Witnesses(ontology, self._derivations)
 
     def watch(self, som: Som) -> None:
         """Judge the services of `som` from now on; what is derived of a changed one begins anew."""
-        knows = predictor(self._ontology, som.sources)
-        self.calibrations.watch(som, knows, self._derivations.watch(som))
+        self._som, knows = som, predictor(self._ontology, som.sources)
+        gone = self._derivations.watch(som)
+        self._board.say(self._calibrations.watch(som, knows, gone))
         self._witnesses.watch(som, knows)
         for publisher in self._board.all():
             publisher.suspicions.clear()
+
+    def tick(self) -> None:
+        """Look at what was learned of derivations."""
+        self._board.say(self._calibrations.tick(self._board.now))
 
     def message(self, publisher: Publisher, event: Message, previous: Optional[float]) -> bool:
         """Judge a message, the one before came at `previous`; tell if it is good."""
@@ -160,7 +165,9 @@ class Judgement:
         """Return a case with what the publisher, unless it is a substitute, computes from."""
         if publisher.name not in publisher.topic.nodes:
             return case
-        upstream = [*self._board.upstream(publisher.service)]
+        services, topics = self._som.services, self._board.topics
+        read = {services[each].topic for each in publisher.service.upstream if each in services}
+        upstream = [each for topic in read for each in topics[topic].publishers.values()]
         return replace(
             case,
             fed_wrong=any(each.tells_wrong for each in upstream),

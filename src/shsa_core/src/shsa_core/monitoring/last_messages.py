@@ -4,9 +4,10 @@ from dataclasses import replace
 from math import inf
 from typing import Deque, Dict, Iterable, List, Optional, Tuple
 
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.names import RecentNames
 from shsa_core.model.substitution import Substitution
-from shsa_core.monitoring.events import HealthChanged, Key, PublisherHealth, PublisherState
+from shsa_core.monitoring.events import HealthChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
 
 
@@ -55,7 +56,7 @@ class LastMessages:
         """
         rows = [self._row(row, change.time) for row in change.rows]
         new = [self._row(row, change.time) for row in change.failed]
-        failed = {row.key for row in rows if row.state is PublisherState.FAILED}
+        failed = {row.key for row in rows if row.has_failed}
         for key in (*change.removed, *(row.key for row in rows if row.key not in failed)):
             self._failed.pop(key, None)
         left = failed.union(change.removed)
@@ -68,8 +69,8 @@ class LastMessages:
         return rows, new
 
     def _row(self, row: PublisherHealth, time: float) -> PublisherHealth:
-        ours, failed = row.publisher in self._substitutes, row.state is PublisherState.FAILED
-        if not failed and (ours or row.state is not PublisherState.HEALTHY):
+        ours, failed = row.publisher in self._substitutes, row.has_failed
+        if not failed and (ours or not row.is_well):
             return row
         before = self._failed.get(row.key)
         if before is None or before.since != row.since:

@@ -3,19 +3,21 @@ from math import inf
 from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
 from shsa_core.monitoring.board import publishes, topics_of
-from shsa_core.monitoring.events import Command, Event, Key, PublisherHealth
+from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
 from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher, WatchedTopic
-from shsa_core.monitoring.settings import CHANGEOVER_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import RECONNECT_S, Settings
 from shsa_core.monitoring.start_up import StartUp
 from shsa_core.monitoring.surroundings import Surroundings
 
@@ -251,7 +253,7 @@ class Monitor:
                 self._judge_silence(due)
             else:
                 self._start_up.judge(due)
-        self._judgement.calibrations.tick()
+        self._judgement.tick()
 
     def _judge_silence(self, publisher: Publisher) -> None:
         if self._board.find(*publisher.key) is not publisher:

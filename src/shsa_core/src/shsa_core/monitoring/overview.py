@@ -2,11 +2,11 @@
 from dataclasses import dataclass
 from typing import Collection, List, Tuple
 
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import FAILED, Board
-from shsa_core.monitoring.events import Key, PublisherHealth
 from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 

@@ -9,14 +9,8 @@ from dataclasses import replace
 from math import inf
 from typing import List, Optional, Tuple
 
-from shsa_core.monitoring.events import (
-    ClockTicked,
-    Command,
-    Event,
-    HealthChanged,
-    Message,
-    PublisherHealth,
-)
+from shsa_core.model.health import PublisherHealth
+from shsa_core.monitoring.events import ClockTicked, Command, Event, HealthChanged, Message
 from shsa_core.monitoring.settings import CLOCK_JUMP_S
 
 
@@ -73,10 +67,10 @@ class Pace:
         return [self._ours(each) for each in commands] if self.simulated else commands
 
     def _ours(self, command: Command) -> Command:
-        command = replace(command, time=self._now)
         if not isinstance(command, HealthChanged):
             return command
-        return replace(command, rows=self.rows(command.rows), failed=self.rows(command.failed))
+        rows, failed = self.rows(command.rows), self.rows(command.failed)
+        return replace(command, time=self._now, rows=rows, failed=failed)
 
     def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
         """Return rows of the table at our time again."""

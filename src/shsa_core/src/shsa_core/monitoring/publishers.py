@@ -4,16 +4,16 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
+from shsa_core.derivations.agreement import Suspicion
 from shsa_core.model.checks import BY_VALUE, Check, Checks
-from shsa_core.model.samples import IntruderSample, Usual
+from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
+from shsa_core.model.samples import IntruderSample, Usual
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
-from shsa_core.monitoring.events import Key, PublisherHealth, PublisherState
 from shsa_core.monitoring.evidence import Evidence, Learned
-from shsa_core.monitoring.settings import SLOW_PACE
 from shsa_core.monitoring.habits import Backlog
-from shsa_core.monitoring.witness import Suspicion
+from shsa_core.monitoring.settings import SLOW_PACE
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""

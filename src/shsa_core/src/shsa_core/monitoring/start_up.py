@@ -4,7 +4,7 @@ from math import inf
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import NOBODY_CAME, Blame, Case, decide
 from shsa_core.monitoring.board import FAILED, Board
-from shsa_core.monitoring.events import FormerlyHealthy, Told
+from shsa_core.monitoring.events import FormerlyHealthy
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
 from shsa_core.monitoring.settings import RECONNECT_S, SUBSCRIBE_S, TOGETHER_S
 from shsa_core.monitoring.surroundings import Surroundings
@@ -111,7 +111,7 @@ class StartUp:
             )
             named = ", ".join(f"{each.service.topic} from {each.service.node}" for each in all_)
             text = f"No node of the SOM is there yet. Waiting for: {named}"
-            self._board.say(Told(time, text))
+            self._board.warn(text)
         again = RECONNECT_S if formerly else self._grace
         watched.due = min(alibi.until, time + again)
 

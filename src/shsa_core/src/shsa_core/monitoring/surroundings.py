@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import inf
 from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
+from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Blame, Case, decide
 from shsa_core.monitoring.board import Board
@@ -72,7 +73,7 @@ class Surroundings:
     def slow(self, blame: Blame, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
         time = self._board.now
-        if not 0.0 <= time - self._looked < settings.SAMPLE_S:
+        if not 0.0 <= time - self._looked < SAMPLE_S:
             self._looked = time
             slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
             self._slow = len({each.name for each in slow})

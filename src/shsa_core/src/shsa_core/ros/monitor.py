@@ -20,6 +20,7 @@ from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som, read_som
 from shsa_core.model.conventions import with_unknowns
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.som import Som
@@ -28,18 +29,19 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
-from shsa_core.ros.node import guarded, read_parameters, recorded, run
-from shsa_core.ros.processes.watching import Companion
+from shsa_core.ros.master import som_parameter
+from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
+from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
-from shsa_core.ros.trust.signing import Signing
-from shsa_core.ros.master import som_parameter
-from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import filled
 from shsa_core.ros.workers import Workers
 
 
@@ -67,12 +69,9 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._parameters = Workers("parameters")
-        self._changes: Dict[events.Key, Optional[events.PublisherHealth]] = {}
-        self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
-        )
+        self._changes: Dict[Key, Optional[PublisherHealth]] = {}
+        self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
         health, calibrations = (
             names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
         )
@@ -89,9 +88,7 @@ class MonitorNode:
                 events.HealthChanged: self._tell_health,
                 events.ChangeRefused: self._put_back,
                 events.CalibrationsChanged: self._tell_calibrations,
-                events.Told: lambda c: (rospy.logwarn if c.warning else rospy.loginfo)(
-                    "%s.", c.text
-                ),
+                events.Log: lambda c: LOG[c.level]("%s.", c.text),
             },
         )
         self._to_watch: Deque[str] = deque()
@@ -210,7 +207,7 @@ class MonitorNode:
     def _tell_changes(self) -> None:
         """Publish what has changed in the table of health."""
         changes, self._changes = self._changes, {}
-        rows = [wire.health_row(row) for row in changes.values() if row is not None]
+        rows = [filled(msg.PublisherHealth, row) for row in changes.values() if row is not None]
         removed = [wire.health_key(key) for key, row in changes.items() if row is None]
         self._health.update(rows, removed)
 
@@ -222,7 +219,7 @@ class MonitorNode:
         if failed:
             self._tell_changes()
         for row in failed:
-            self._failures.publish(self._sign(wire.failure_message(row)))
+            self._failures.publish(wire.failure_message(row))
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

@@ -8,11 +8,12 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
+from shsa_core.model.field_value import Field
 from shsa_core.ros import clock, settings
-from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
-from shsa_core.ros.messages.fields import Field
+from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
+from shsa_core.substitution.composing import compose, normalize, quaternions
 from shsa_core.substitution.events import Compose, Publish
 
 

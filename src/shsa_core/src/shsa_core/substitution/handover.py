@@ -8,8 +8,9 @@ for a look at whom the original serves by then.
 import math
 from typing import FrozenSet, List, Optional
 
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.substitution.events import Command, LookAtOriginal, OriginalServes
-from shsa_core.substitution.settings import LOOK_S, YIELD_S
+from shsa_core.substitution.settings import LOOK_S
 
 NOBODY: FrozenSet[str] = frozenset()
 
@@ -33,7 +34,7 @@ class Handover:
     def mute(self, now: float) -> None:
         """Serve only those whom the original does not serve yet, from now on."""
         if self.original:
-            self._until = now + YIELD_S
+            self._until = now + CHANGEOVER_S
             if self._held is not None:
                 self._held = math.inf
             if self._awaited is None:

@@ -4,6 +4,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
+from shsa_core.language.memory import longest_gap
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
@@ -11,11 +12,9 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Log
 from shsa_core.substitution.settings import (
     FIRST_MISSES,
-    GAP_PERIODS,
     MADE_UP_S,
     MISSES,
     REST_S,
-    SHORTEST_GAP_S,
     SHORTEST_SHARE,
 )
 
@@ -208,11 +207,6 @@ class Job:
         if field in self._begins and math.isfinite(value):
             self._shifts[field] = self._begins.pop(field) - value
         return value + self._shifts.get(field, 0.0)
-
-
-def longest_gap(period: Optional[float]) -> float:
-    """Return the time in s without a value after which derivatives start anew."""
-    return math.inf if period is None else max(SHORTEST_GAP_S, GAP_PERIODS * period)
 
 
 def words(row: Substitution) -> Words:

@@ -60,7 +60,7 @@ class Substitute:
                 events.OtherGone: self._other_gone,
                 events.OthersStand: others.answer,
                 events.ReachChanged: lambda e: others.reach(e.cut_off),
-                events.NodeGone: lambda e: self._alone.gone(e, self.row),
+                events.FailureHeard: lambda e: self._alone.failed(e, self.row),
                 events.HealerHeard: lambda e: self._alone.answer(e, self.row, self._plans.values()),
                 events.Tick: lambda e: None,  # what is due by then is done after any event
             },

@@ -7,8 +7,6 @@ MADE_UP_S = 0.02
 """A message that is late by no more loses no slot. What is later was a stall: no burst follows."""
 REST_S = 0.25
 """Between two evaluations of a muted program that remembers nothing: has it still a value?"""
-GAP_PERIODS, SHORTEST_GAP_S = 10.0, 1.0
-"""After so long without a value, and at least that, derivatives and the like start anew."""
 MISSES, FIRST_MISSES = 2, 10
 """Evaluations in a row without a value that are told, after a first value and before: filters need
 a few samples."""
@@ -25,8 +23,6 @@ ALONE_LOOKS = 100
 """It goes on for so many more if a healer was not there: another one starts within 2 s."""
 
 # When it hands consumers over to an original that is back.
-YIELD_S = 1.0
-"""So long a muted substitute serves whom the original does not serve yet: roscpp takes 0.2 s."""
 LOOK_S = 0.01
 """The least time between two looks at whom the original serves: each is a call to its node."""
 

@@ -17,10 +17,10 @@ from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.codegen.choice import substitutes
 from shsa_learning.backtest.rehearsal import Played, Rehearsal, recorded
 from shsa_learning.backtest.scores import Score, covered, score
 from shsa_learning.recordings.recording import Recording
+from shsa_learning.substitutes import substitutes
 
 LEAST_RANKED = 3
 """Derivations: of fewer there is no rank correlation."""

@@ -6,10 +6,10 @@ import numpy as np
 
 from shsa_core.codegen.generator import inputs_of
 from shsa_core.codegen.program import compile_program
+from shsa_core.language.memory import longest_gap
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
-from shsa_core.substitution.job import longest_gap
 from shsa_core.substitution.settings import SHORTEST_SHARE
 from shsa_learning.recordings.recording import Recording, Series, held
 

@@ -8,6 +8,7 @@ from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.som_file import read_som
 from shsa_learning.acceptance import advice, with_act
 from shsa_learning.incident_log import Log, read_log
+from shsa_learning.whole_file import write_whole
 
 
 def add_parser(subparsers: Any) -> None:
@@ -39,8 +40,7 @@ def run(args: argparse.Namespace) -> int:
     changed = with_act(args.som)
     if not args.yes and not _agreed(f"Write `act: true` into {args.som}? [y/N] "):
         return 1
-    with open(args.som, "w", encoding="utf-8") as file:
-        file.write(changed)
+    write_whole(args.som, changed)
     say(f"{args.som} says `act: true` now: start healing anew")
     return 0
 

@@ -11,6 +11,7 @@ from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_learning.init.knowledge_base import Provision, read_knowledge_base
 from shsa_learning.saving import save_ontology
+from shsa_learning.whole_file import write_whole
 
 
 def add_parser(subparsers: Any) -> None:
@@ -37,8 +38,7 @@ def run(args: argparse.Namespace) -> int:
     base = read_knowledge_base(args.file)
     save_ontology(base.ontology, args.ontology)
     if args.som:
-        with open(args.som, "w", encoding="utf-8") as stream:
-            stream.write(som_draft(base.provisions))
+        write_whole(args.som, som_draft(base.provisions))
     if args.json:
         print(
             json.dumps({"ontology": args.ontology, "som": args.som, "notes": base.notes}, indent=2)

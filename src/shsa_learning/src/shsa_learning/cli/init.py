@@ -20,6 +20,7 @@ from shsa_learning.init.again import drafted_path, widen
 from shsa_learning.init.draft import UNLISTED, Draft, Listed, draft
 from shsa_learning.init.prospects import obstacles
 from shsa_learning.init.survey import Survey
+from shsa_learning.whole_file import write_whole
 
 if TYPE_CHECKING:
     from shsa_learning.init.expressing import Outcome
@@ -75,13 +76,12 @@ def run(args: argparse.Namespace) -> int:
         )
     survey, source, notes, listed = _survey(args)
     made = draft(survey, source, notes, listed)
+    _check_paths(paths, args.force)  # another may have written them meanwhile
     for path, text in ((args.ontology, made.ontology), (args.som, made.som)):
         if path is not None:
-            with open(path, "w" if args.force else "x", encoding="utf-8") as stream:
-                stream.write(text)
+            write_whole(path, text)
     if args.som is not None:
-        with open(drafted_path(args.som), "w", encoding="utf-8") as stream:
-            stream.write(made.som)
+        write_whole(drafted_path(args.som), made.som)
     outcomes = _learn(args, made) if args.learn else []
     if args.json:
         document = {**_document(survey, made, args), "learned": list(map(_outcome, outcomes))}

@@ -5,16 +5,16 @@ import subprocess
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
-from shsa_learning.loss import lose, ranked
-from shsa_learning.cli._common import add_models, add_without, check_property, read_models, without
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.substitutes import find_substitute
 from shsa_core.text import shown
+from shsa_learning.cli._common import add_models, add_without, check_property, read_models, without
+from shsa_learning.loss import lose, ranked
+from shsa_learning.substitutes import find_substitute
 
 Edge = Tuple[str, str]
 

@@ -3,8 +3,6 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import FrozenSet, List, Optional, Set, Tuple
 
-from shsa_learning.loss import DeadBranch, Loss, dead_branches
-from shsa_core.codegen.choice import substitutes
 from shsa_core.codegen.plans import plan_service, program_of
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
@@ -14,6 +12,8 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation, SourceTable
+from shsa_learning.loss import DeadBranch, Loss, dead_branches
+from shsa_learning.substitutes import substitutes
 
 LOOKED_AT = 100
 """Derivations of a property that are looked at."""

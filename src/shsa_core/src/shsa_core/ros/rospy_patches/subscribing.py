@@ -9,7 +9,6 @@ import socket
 import struct
 import time
 import weakref
-from math import inf
 from typing import Any, Callable, Type
 
 import genpy
@@ -25,7 +24,7 @@ from shsa_core.ros import settings
 LENGTH = struct.Struct("<I")
 
 
-def read_header(connection: socket.socket, seconds: float = inf) -> bytes:
+def read_header(connection: socket.socket, seconds: float) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
     length = read(connection, LENGTH.size, connection.recv, seconds)
     (size,) = LENGTH.unpack(length)
@@ -41,7 +40,7 @@ def read(
     data, end = b"", time.monotonic() + seconds
     while len(data) < size:
         left = end - time.monotonic()
-        connection.settimeout(None if left == inf else max(1e-3, left))
+        connection.settimeout(max(1e-3, left))
         came = some(size - len(data))
         if not came:
             raise ShsaError("it ended before all had come")
@@ -65,8 +64,9 @@ def bound_header(transport: Any) -> None:
         if found.done:  # before there was a socket to close; no header was sent
             found.socket.close()
         try:
-            found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
-        except TransportInitError as error:
+            header = read_header(found.socket, settings.LONGEST_PAUSE_S)
+            found._validate_header(decode_ros_handshake_header(header))
+        except (TransportInitError, socket.timeout) as error:
             found.header = None
             raise ShsaError(str(error)) from error  # on which rospy closes it
 

@@ -10,7 +10,7 @@ from shsa_testing.models import random_model, source, usable
 from shsa_core.model.network import Network
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_core.codegen.choice import substitutes
+from shsa_learning.substitutes import substitutes
 from shsa_testing.thorough import many
 
 NAMES = "abcdef"

@@ -9,7 +9,7 @@ from shsa_testing.models import every_derivation, law, ontology, random_model, s
 
 from shsa_core.errors import LISTED, NoSubstitute
 from shsa_core.model.ontology import Ontology
-from shsa_core.search.substitutes import find_substitute
+from shsa_learning.substitutes import find_substitute
 from shsa_testing.thorough import many
 
 

@@ -6,27 +6,30 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Callable, Collection, Dict, Iterable, List, Tuple
 
-from shsa_core.agenda import Agenda, doubled
+from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import HostLost, HostSeen
-from shsa_core.healing.settings import CERTAIN_S, MISSED_S, SETTLE_S, STRAINED, Settings
 from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.planning.settings import CERTAIN_S, MISSED_S, STRAINED
 
 OWN = "the reconfigurator's computer"
 
 
 @dataclass
 class Computer:
-    """A computer of the robot, by what it has told of itself last.
+    """A computer of the robot, by what it has told of itself when it was `heard` last.
 
-    `counts`: since when substitutes may be placed there; `steady`: heard without a gap since.
+    How many of its `cores` are `busy`, and bytes/s on its `link`. `counts`: since when substitutes
+    may be placed there; `steady`: heard without a gap since.
     """
 
-    word: HostSeen = HostSeen(-inf, "", 0.0, 0.0)
+    heard: float = -inf
+    busy: float = 0.0
+    cores: float = 0.0
+    link: float = 0.0
     counts: float = -inf
     steady: float = -inf
     detail: str = ""  # why it is lost; empty: it is there
@@ -42,13 +45,15 @@ class Computers:
 
     One that comes back counts for placement after a hold-off, which doubles while it is lost again
     and again: a link that drops every few seconds moves nothing. `own`: the name in the SOM of the
-    reconfigurator's computer, which is always there, and is "" here. `settling`: those that
-    count for placement soon.
+    reconfigurator's computer, which is always there, and is "" here. `hold_off`: in s, after so
+    many losses before; `calm`: s after which they are forgotten. `settling`: those that count for
+    placement soon.
     """
 
-    def __init__(self, settings: Settings, own: str = "") -> None:
-        self._settings = settings
-        self._own = own
+    def __init__(
+        self, own: str = "", hold_off: Callable[[int], float] = lambda times: 0.0, calm: float = inf
+    ) -> None:
+        self._own, self._hold_off, self._calm = own, hold_off, calm
         self._known: Dict[str, Computer] = {}
         self.settling: Agenda[str] = Agenda()
 
@@ -75,7 +80,7 @@ class Computers:
     def counts(self, host: str, time: float) -> bool:
         """Tell that substitutes may be placed on a computer."""
         computer = self.of(host)
-        settled = computer.word.time > computer.doubted and time >= computer.counts
+        settled = computer.heard > computer.doubted and time >= computer.counts
         return host == "" or (settled and not computer.detail)
 
     def doubt(self, host: str, time: float) -> None:
@@ -86,46 +91,46 @@ class Computers:
     def doubted(self, host: str, time: float) -> bool:
         """Tell that somebody on a computer fell silent since it was heard, or that it was lost."""
         computer = self.of(host)
-        if computer.word.time == -inf:
+        if computer.heard == -inf:
             return False
         back = computer.losses > 0 and time <= computer.steady + CERTAIN_S
-        return back or computer.doubted >= computer.word.time
+        return back or computer.doubted >= computer.heard
 
     def strained(self, host: str) -> bool:
         """Tell that a computer has too much to do, by what it has told last."""
-        word = self.of(host).word
-        return word.load >= STRAINED * word.cores > 0.0
+        computer = self.of(host)
+        return computer.busy >= STRAINED * computer.cores > 0.0
 
-    def seen(self, event: HostSeen) -> bool:
+    def seen(self, time: float, host: str, busy: float, cores: float, link: float = 0.0) -> bool:
         """Note that a computer is there. Returns that it was not before, or was cut off."""
-        host, time = self.name(event.host), event.time
+        host = self.name(host)
         computer = self._known.get(host)
         if computer is None:
-            self._known[host] = Computer(event, time, time)
-            self.settling.set(host, time + SETTLE_S)
+            self._known[host] = Computer(time, busy, cores, link, time, time)
+            self.settling.set(host, time + CERTAIN_S)
             return True
         back = bool(computer.detail)
         if back:
-            pause, longest = self._settings.hold_off, self._settings.longest_hold_off
-            computer.counts = time + doubled(pause, computer.losses - 1, longest)
-            self.settling.set(host, max(computer.counts, time + SETTLE_S))
-        back = back or time - computer.word.time > MISSED_S
-        computer.word, computer.detail = event, ""
+            computer.counts = time + self._hold_off(computer.losses - 1)
+            self.settling.set(host, max(computer.counts, time + CERTAIN_S))
+        back = back or time - computer.heard > MISSED_S
+        computer.heard, computer.busy, computer.cores, computer.link = time, busy, cores, link
+        computer.detail = ""
         if back:
             computer.steady = time
         return back
 
-    def lose(self, event: HostLost) -> bool:
+    def lose(self, host: str, time: float, why: str) -> bool:
         """Note that a computer is not heard any more. Returns that this is new."""
-        host = self.name(event.host)
+        host = self.name(host)
         if host == "":
             return False
-        computer = self._known.setdefault(host, replace(UNKNOWN, steady=event.time))
+        computer = self._known.setdefault(host, replace(UNKNOWN, steady=time))
         if computer.detail:
             return False
-        calm = event.time - computer.steady > self._settings.stable
+        calm = time - computer.steady > self._calm
         computer.losses = 1 if calm else computer.losses + 1
-        computer.detail = event.detail or "nothing is heard of it"
+        computer.detail = why or "nothing is heard of it"
         self.settling.set(host, None)
         return True
 
@@ -261,24 +266,24 @@ class Placement:
     def _limits(self, host: str) -> Host:
         """Return the computer's cores, as the SOM says or else it itself, and its link."""
         known = self._said(host)
-        told = self._computers.of(host).word.cores or None
+        told = self._computers.of(host).cores or None
         return Host(host, told if known.cores is None else known.cores, known.link)
 
     def _busy(self, host: str) -> float:
         """Return the share of a computer's cores that is busy; 0: not known."""
         cores = self._limits(host).cores
-        return 0.0 if cores is None else self._computers.of(host).word.load / cores
+        return 0.0 if cores is None else self._computers.of(host).busy / cores
 
     def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
         """Return why a substitute does not fit; empty: it does, or nothing is known against it."""
-        word = self._computers.of(host).word
-        if word.time == -inf:
+        computer = self._computers.of(host)
+        if computer.heard == -inf:
             return ""
-        lately = list(self._lately(host, word.time))
+        lately = list(self._lately(host, computer.heard))
         cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)
         for what, limit, busy, more, needed in (
-            ("cores", limits.cores, word.load, cores, takes.cores),
-            ("bytes/s", limits.link, word.sent + word.received, link, takes.link),
+            ("cores", limits.cores, computer.busy, cores, takes.cores),
+            ("bytes/s", limits.link, computer.link, link, takes.link),
         ):
             total = busy + more + needed
             if limit is not None and needed > 0.0 and total > limit:

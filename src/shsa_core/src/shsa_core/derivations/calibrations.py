@@ -10,23 +10,25 @@ only been whole numbers, which may be states.
 from collections import deque
 from dataclasses import dataclass
 from math import inf
-from typing import Deque, FrozenSet, List, Optional, Set, Tuple
+from typing import Callable, Deque, FrozenSet, Iterator, List, Optional, Set, Tuple, Union
 
 from shsa_core.codegen.plans import plan_service, plan_witness
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
-from shsa_core.model.calibration import Calibration
+from shsa_core.model.calibration import Calibration, CalibrationRow, CalibrationsChanged
 from shsa_core.model.field import is_angle
+from shsa_core.model.log import Level, Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.monitoring import settings
-from shsa_core.monitoring.board import Board
-from shsa_core.monitoring.derivations import Derivations, FollowedPlan
-from shsa_core.monitoring.events import CalibrationRow, CalibrationsChanged, Told
+from shsa_core.derivations import settings
+from shsa_core.derivations.evaluation import Derivations, FollowedPlan
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
+
+
+Said = Union[CalibrationsChanged, Log]
 
 
 @dataclass
@@ -43,10 +45,15 @@ class _Wanted:
 
 
 class Calibrations:
-    """Follows plans for the services of a SOM, and tells how they are calibrated. Times in s."""
+    """Follows plans for the services of a SOM, and tells how they are calibrated. Times in s.
 
-    def __init__(self, ontology: Ontology, derivations: Derivations, board: Board) -> None:
-        self._ontology, self._derivations, self._board = ontology, derivations, board
+    `is_there`: the own node of a service is healthy, and has told something.
+    """
+
+    def __init__(
+        self, ontology: Ontology, derivations: Derivations, is_there: Callable[[Service], bool]
+    ) -> None:
+        self._ontology, self._derivations, self._is_there = ontology, derivations, is_there
         self._som = Som()
         self._predictor: Optional[Predictor] = None
         self._planned: FrozenSet[str] = frozenset()
@@ -55,36 +62,29 @@ class Calibrations:
         self._replan_at = self._search_at = -inf
         self._kept: Set[Source] = set()  # of these it was said
 
-    def watch(self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]) -> None:
+    def watch(
+        self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]
+    ) -> List[Said]:
         """Follow plans for the services of `som`; those that are `gone` are told no more."""
         self._som, self._predictor = som, predictor
-        self._tell_gone(gone)
         self._planned, self._replan_at = frozenset(), -inf
         self._wanted.clear()
+        return _removed(gone)
 
-    def tick(self) -> None:
+    def tick(self, time: float) -> List[Said]:
         """Look at what was learned, and search a plan."""
-        time = self._board.now
         told = [each for each in self._derivations.refreshed() if each.substitutes]
-        rows = {each.key: self._row(each) for each in told if self._has_moved(each)}
+        said: List[Said] = [log for each in told for log in self._kept_back(each)]
+        rows = {each.key: _row(each) for each in told if _has_moved(each)}
         if rows:
-            self._board.say(CalibrationsChanged(time, tuple(rows.values())))
+            said.append(CalibrationsChanged(tuple(rows.values())))
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
             self._plan()
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S
-            self._search(self._wanted.popleft())
-
-    def _tell_gone(self, gone: List[FollowedPlan]) -> None:
-        if gone:
-            keys = tuple(each.key for each in gone)
-            self._board.say(CalibrationsChanged(self._board.now, (), keys))
-
-    def _is_there(self, service: Service) -> bool:
-        """Tell if the service's own node is healthy, and has told something."""
-        node = self._board.find(service.topic, service.node)
-        return node is not None and node.is_healthy and node.last_good is not None
+            said += self._search(self._wanted.popleft())
+        return said
 
     def _plan(self) -> None:
         """Search plans anew if other services are there now."""
@@ -112,11 +112,10 @@ class Calibrations:
             return False
         return is_angle(source.provision.field) or known.unit.strip() not in UNITS_OF_ANGLES
 
-    def _search(self, wanted: _Wanted) -> None:
+    def _search(self, wanted: _Wanted) -> List[Said]:
         assert self._table is not None
         service = wanted.service
-        if wanted.first:
-            self._rest(service.name)
+        said = self._rest(service.name) if wanted.first else []
         question = self._ontology, service, self._table, wanted.excluded
         try:
             if wanted.watches:
@@ -125,26 +124,27 @@ class Calibrations:
                 plan = plan_service(*question, predictor=self._predictor)
             followed = self._derivations.made(plan)
         except ShsaError:
-            return  # nothing would take its place
+            return said  # nothing would take its place
         self._follow(followed)
         if wanted.first:
             nodes = dict.fromkeys(source.node for source in plan.inputs)
             without = [(*wanted.excluded, node) for node in nodes]
             more = [_Wanted(service, each, False, w) for each in without for w in (False, True)]
             self._wanted.extend(more)
+        return said
 
-    def _rest(self, service: str) -> None:
+    def _rest(self, service: str) -> List[Said]:
         """Follow no plan for a service, and give up those that rested for long."""
         plans = self._derivations.plans(service)
         resting = [plan for plan in plans if not plan.is_followed]
         gone = resting[: -2 * settings.PLANS]
         for plan in gone:
             self._derivations.give_up(plan)
-        self._tell_gone(gone)
         for plan in plans:
             if plan.substitutes:
                 plan.substitutes = False
                 plan.doubt()
+        return _removed(gone)
 
     def _follow(self, followed: FollowedPlan) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
@@ -156,29 +156,38 @@ class Calibrations:
             for each in followed.outputs
             if self._calibrates(each.source) and not each.integrates
         ]
-        if followed.substitutes or enough or rate > settings.EVALUATIONS_PER_S or not told:
+        if followed.substitutes or enough or rate > settings.EVALUATIONS_HZ or not told:
             return
         for output in told:
             output.calibrate()
         followed.substitutes = True
 
-    def _has_moved(self, followed: FollowedPlan) -> bool:
-        """Tell if calibrations are worth being told; say once which do not follow their sensor."""
+    def _kept_back(self, followed: FollowedPlan) -> Iterator[Log]:
+        """Say once which calibrations do not follow their sensor."""
         for output in followed.outputs:
             own, source = output.calibrator, output.source
             if own is not None and own.keeps and source not in self._kept:
                 self._kept.add(source)
                 what = f"{source.property} and what is derived of it part by {own.pull:.3g}"
                 text = f"{source.topic}: {what}: its calibration stays as it was"
-                self._board.say(Told(self._board.now, text))
-        now = [each.calibration for each in followed.outputs]
-        if not any(each.error for each in now):
-            return False
-        return not followed.told or any(map(_moved, followed.told, now))
+                yield Log(Level.WARN, text)
 
-    def _row(self, followed: FollowedPlan) -> CalibrationRow:
-        followed.told = tuple(each.calibration for each in followed.outputs)
-        return CalibrationRow(*followed.key, followed.told)
+
+def _removed(gone: List[FollowedPlan]) -> List[Said]:
+    return [CalibrationsChanged((), tuple(each.key for each in gone))] if gone else []
+
+
+def _row(followed: FollowedPlan) -> CalibrationRow:
+    followed.told = tuple(each.calibration for each in followed.outputs)
+    return CalibrationRow(*followed.key, followed.told)
+
+
+def _has_moved(followed: FollowedPlan) -> bool:
+    """Tell if calibrations are worth being told."""
+    now = [each.calibration for each in followed.outputs]
+    if not any(each.error for each in now):
+        return False
+    return not followed.told or any(map(_moved, followed.told, now))
 
 
 def _moved(before: Calibration, now: Calibration) -> bool:

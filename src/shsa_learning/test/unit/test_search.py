@@ -7,14 +7,13 @@ from hypothesis import event, given, settings
 from hypothesis.strategies import integers
 from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
-from shsa_core.codegen.choice import substitutes
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
-from shsa_core.search.substitutes import Substitute, find_substitute
+from shsa_learning.substitutes import Substitute, find_substitute, substitutes
 from shsa_testing.thorough import many
 
 Model = Tuple[Ontology, List[Source], List[str]]

@@ -9,7 +9,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
-from shsa_core.language.memory import MAX_GAP_S
+from shsa_core.language.memory import longest_gap
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
@@ -17,8 +17,8 @@ from shsa_core.model.growth import Growth
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
-from shsa_core.monitoring import settings
-from shsa_core.monitoring.calibration import Calibrator
+from shsa_core.derivations import settings
+from shsa_core.derivations.calibrator import Calibrator
 
 
 @dataclass
@@ -221,8 +221,7 @@ class Derivations:
         for each in self._services[plan.service].plans:
             if each.plan.program == plan.program:
                 return each
-        period = plan.outputs[0].service.period or 0.0
-        gap = max(MAX_GAP_S, settings.GAP_PERIODS * period)
+        gap = longest_gap(plan.outputs[0].service.period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
         outputs = tuple(map(Output, plan.outputs, plan.errors, integrates))

@@ -8,21 +8,20 @@ from typing import Any, List
 
 import pytest
 
-from shsa_core.codegen.choice import substitutes
 from shsa_core.analysis.check import check_files
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
 from shsa_core.files import keys
-from shsa_core.model.ontology import Ontology
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
-from shsa_core.search.substitutes import find_substitute
+from shsa_learning.substitutes import find_substitute, substitutes
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference"
-ROSTEST = pathlib.Path(__file__).resolve().parents[1] / "rostest"
+ROSTEST = pathlib.Path(__file__).resolve().parents[3] / "shsa_core" / "test" / "rostest"
 TEXT = (REFERENCE / "ontology.md").read_text("utf-8")
 BLOCKS = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
 SOM_TEXT = (REFERENCE / "som.md").read_text("utf-8")

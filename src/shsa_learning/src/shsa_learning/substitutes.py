@@ -1,16 +1,17 @@
-"""The search for the best substitute of a property."""
+"""All substitutes of a property, best first, or the best one alone."""
 from dataclasses import dataclass
-from typing import Iterable, Optional
+from typing import Collection, Iterable, Iterator, Optional, Tuple
 
+from shsa_core.codegen.choice import listing
+from shsa_core.codegen.plans import SMALLEST_QUALITY
+from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import NoSubstitute
+from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.nearest import nearest
-
-SMALLEST_QUALITY = 5e-324
-"""A product of many qualities may be too small for a float, but it is not 0."""
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,26 @@ def find_substitute(
             quality = max(best.ratings[number][4], SMALLEST_QUALITY)
             return Substitute(best.ratings.derivation(number), quality, whole)
     raise NoSubstitute([target], best.missing(number))
+
+
+def substitutes(
+    ontology: Ontology,
+    sources: Iterable[Source],
+    target: str,
+    predictor: Optional[Predictor] = None,
+    prefer: Collection[str] = (),
+    limit: Optional[float] = None,
+) -> Iterator[Tuple[Substitute, Optional[Error]]]:
+    """Yield every substitute of the property `target`, best first, and its expected error.
+
+    `sources`: what may be used. Relations that cannot be executed count as well, and last of all
+    what is not used by its error. `prefer` and the `limit` of the error as in `listing`.
+    """
+    network = ontology.network
+    table = SourceTable(network, sources)
+    found = listing(network, table, [target], None, predictor, prefer, [limit], refused=True)
+    for place, (rated, best) in enumerate(found):
+        (derivation,) = rated.derivation.inputs
+        error = None if predictor is None else predictor.of([derivation])[0]
+        quality = max(rated.quality, SMALLEST_QUALITY)
+        yield Substitute(derivation, quality, proven_best=best and place == 0), error

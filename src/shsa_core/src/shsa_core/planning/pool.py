@@ -1,30 +1,43 @@
 """The idle processes that the warm services share, and the pace of starts."""
+from dataclasses import dataclass
 from math import inf
-from typing import Container, Counter, Dict, List, Optional, Set
+from typing import Callable, Container, Counter, Dict, List, Optional, Set
 
-from shsa_core.agenda import doubled
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.placement import Computers
-from shsa_core.healing.planner import Planner
-from shsa_core.healing.records import IdleProcess
-from shsa_core.healing.settings import AT_ONCE, LONGEST_START_S, PAUSE_S, START_S, Settings
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
+from shsa_core.planning.placement import Computers
+from shsa_core.planning.planner import Planner
+from shsa_core.planning.settings import AT_ONCE, LONGEST_START_S, START_S
+
+
+@dataclass(frozen=True)
+class IdleProcess:
+    """An idle process of the pool, when it was started, and on which computer."""
+
+    node: str
+    started: float
+    host: str = ""
+
+    @property
+    def key(self) -> str:
+        """Return the key of its record."""
+        return f"idle {self.node}"
 
 
 class Pool:
-    """Idle processes: as many as the settings say, wherever warm services are placed.
+    """Idle processes: `size` of them on each computer on which warm services are placed.
 
     They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
     its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
-    `heard`: those that have given a sign of life.
+    `heard`: those that have given a sign of life. `pause`: s after so many deaths in a row.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, size: int, pause: Callable[[int], float]) -> None:
         self.processes: Dict[str, IdleProcess] = {}
         self.heard: Set[str] = set()
         self.plans: Dict[str, Substitution] = {}
-        self._settings = settings
+        self._size, self._pause = size, pause
         self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
@@ -42,7 +55,7 @@ class Pool:
     def _lacking(self) -> List[str]:
         """Return the computers that warm services are placed on, and that have too few."""
         running = [each.host for each in self.processes.values()]
-        return [host for host in sorted(self._wanted) if running.count(host) < self._settings.pool]
+        return [host for host in sorted(self._wanted) if running.count(host) < self._size]
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
@@ -82,22 +95,20 @@ class Pool:
         """Note that an idle process runs."""
         self.processes[idle.node] = idle
         due = self._refill_at.get(idle.host, -inf)
-        self._refill_at[idle.host] = max(due, idle.started + PAUSE_S)
+        self._refill_at[idle.host] = max(due, idle.started + CHANGEOVER_S)
 
     def take(self, time: float, node: str) -> None:
-        """Note that an idle process is set to work; the next one follows after a pause."""
+        """Note that an idle process is set to work; the next one is started once that is over."""
         host = self._remove(node).host
-        self._refill_at[host] = time + PAUSE_S
+        self._refill_at[host] = time + CHANGEOVER_S
         self._deaths[host] = 0
 
     def died(self, time: float, node: str) -> None:
         """Note that an idle process has ended by itself; the next pause is longer each time."""
-        idle, settings = self._remove(node), self._settings
+        idle = self._remove(node)
         early = time - idle.started <= LONGEST_START_S
         self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
-        longest = max(settings.retry, settings.retry_limit)
-        pause = doubled(settings.retry, max(0, deaths - 1), longest)
-        self._refill_at[idle.host] = time + pause
+        self._refill_at[idle.host] = time + self._pause(max(0, deaths - 1))
 
     def drop(self, node: str) -> None:
         """Note that an idle process is ended: another one is due at once where it is wanted."""

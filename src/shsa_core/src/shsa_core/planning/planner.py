@@ -1,23 +1,21 @@
 """Answers what could take a service over now; no question changes anything."""
 from dataclasses import replace
-from typing import Any, Collection, Dict, FrozenSet, Iterable, List, Optional, Sequence, Set, Tuple
+from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.choice import MARGIN
 from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import ShsaError
-from shsa_core.healing.health import Availability, Health
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
-from shsa_core.healing.plan_table import PlanTable
-from shsa_core.healing.settings import ENOUGH, RECALLED, STEPS, Settings
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Service, Signal, Source
+from shsa_core.model.service import Deadlines, Service, Signal, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
-from shsa_core.monitoring.events import CalibrationRow
+from shsa_core.planning.plan_table import PlanTable
+from shsa_core.planning.settings import ENOUGH, RECALLED, STEPS
 
 Calibrated = Tuple[Calibration, ...]
 
@@ -105,68 +103,22 @@ def _samples(calibrations: Calibrated) -> int:
     return min((error.n or 0 for error in errors if error is not None), default=0)
 
 
-class Indexes:
-    """Services by what they read and wait for, kept up as they decide.
-
-    `healing`: those with an incident. `stuck`: those that nothing can heal now, or not with all
-    values. `kept`: those whose faulty node is kept. `computed`: those that a substitute computes,
-    or is to: without which node, and which plans were tried in vain.
-    """
-
-    def __init__(self) -> None:
-        self.stuck: Dict[str, None] = {}
-        self.kept: Dict[str, None] = {}
-        self.healing: Dict[str, None] = {}
-        self.computed: Dict[str, Tuple[str, FrozenSet[Plan]]] = {}
-        self.refused: Dict[str, str] = {}
-        self._reads: Dict[str, Dict[str, None]] = {}
-        self._readers: Dict[str, Set[str]] = {}
-
-    def readers(self, services: Iterable[str]) -> List[str]:
-        """Return the services whose substitute reads one of some services."""
-        return sorted({name for each in services for name in self._readers.get(each, ())})
-
-    def follow(
-        self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
-    ) -> None:
-        """Note how a service has decided, and what its substitute reads now."""
-        self.stuck.pop(name, None)
-        self.kept.pop(name, None)
-        self.healing.pop(name, None)
-        self.computed.pop(name, None)
-        sources = plan.inputs if plan else ()
-        for read in self._reads.get(name, ()):
-            self._readers[read].discard(name)
-        self._reads[name] = {each.service.name: None for each in sources}
-        for read in self._reads[name]:
-            self._readers.setdefault(read, set()).add(name)
-        if incident.state is not State.WELL:
-            self.healing[name] = None
-        if incident.state in STUCK or (plan and plan.left_out):
-            self.stuck[name] = None
-        if incident.state is State.KEPT or incident.kept:
-            self.kept[name] = None
-        if incident.state in SUBSTITUTED:
-            self.computed[name] = incident.faulty_node, tried
-
-
 class Planner:
-    """Answers from the plans that were made ahead, or by a search."""
+    """Answers from the plans that were made ahead, or by a search.
+
+    `available`: the services that can be read now, each with the node that publishes it.
+    """
 
     def __init__(
         self,
         ontology: Ontology,
         som: Som,
-        settings: Settings,
-        health: Health,
-        availability: Availability,
-        calibrations: Calibrations,
+        available: Mapping[str, Service],
+        method: str,
+        deadlines: Deadlines,
     ) -> None:
-        self.calibrations = calibrations
-        self._method = settings.method
-        self._deadlines = settings.deadlines
-        self._health = health
-        self._availability = availability
+        self.calibrations = Calibrations()
+        self._method, self._deadlines, self._available = method, deadlines, available
         self._predictor: Optional[Predictor] = None
         self._predicts_for: Optional[Som] = None
         self._answered: Tuple[object, ...] = (None,) * 3
@@ -178,7 +130,7 @@ class Planner:
         self.ontology, self.som, self._predicts_for = ontology, som, None
         method = self._method
         self.plans = PlanTable(ontology, som.needed(), method, self.predictor_of)
-        self.plans.change((), self._availability.services.values())
+        self.plans.change((), self._available.values())
 
     @property
     def predictor(self) -> Optional[Predictor]:
@@ -198,14 +150,6 @@ class Planner:
         while self.calibrations.replan:
             self.plans.drop(self.calibrations.replan.pop())
 
-    def plan(self, service: Service, tried: Collection[Plan], faulty: str) -> Plan:
-        """Return the best plan for a service whose node `faulty` has failed, but for those tried.
-
-        Raises ShsaError.
-        """
-        excluded = {*self._health.excluded, *self._health.dying, faulty}
-        return self._without(service, excluded, tried)
-
     def recall(self, service: Service, row: Substitution) -> Optional[Plan]:
         """Return the plan that a row of the table carries out, by the models as they are now.
 
@@ -218,7 +162,7 @@ class Planner:
         tried: List[Plan] = []
         while len(tried) < RECALLED:
             try:
-                plan = self._without(service, (), tried)
+                plan = self.plan(service, (), tried)
             except ShsaError:
                 return None
             if plan.program == program:
@@ -233,29 +177,29 @@ class Planner:
         if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
             return False
         try:
-            return not self._without(service, excluded, tried).left_out
+            return not self.plan(service, excluded, tried).left_out
         except ShsaError:
             return False
 
-    def _without(
-        self, service: Service, excluded: Collection[str], tried: Collection[Plan]
-    ) -> Plan:
+    def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
+        """Return the best plan for a service without some nodes, but for those tried.
+
+        Raises ShsaError.
+        """
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
         question = self.ontology, service, self.plans.sources, excluded, self._method, tried
         return plan_service(*question, self.predictor_of(service.name), STEPS)
 
-    def explain(self, service: Service, without: Collection[str] = (), method: str = "") -> Plan:
-        """Search it, also without some services, nodes and topics. Raises ShsaError."""
-        publishers = {row.publisher for row in self._health.originals(self.som, service)}
-        excluded = {service.node, *publishers, *self._health.excluded, *without}
+    def explain(self, service: Service, excluded: Collection[str], method: str = "") -> Plan:
+        """Search it, without some services, nodes and topics. Raises ShsaError."""
         question = self.ontology, service, self.plans.sources, excluded, method or self._method
         return plan_service(*question, predictor=self.predictor_of(service.name))
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
         """Tell that all that a plan reads is available, from the nodes that it was made for."""
-        services, excluded = self._availability.services, set(excluded)
+        services, excluded = self._available, set(excluded)
         return all(
             source.service.name in services
             and excluded.isdisjoint(services[source.service.name].causes)
@@ -271,12 +215,11 @@ class Planner:
         more.update(relations=plan.relations, quality=plan.quality, inputs=self.inputs(plan))
         return Substitution(code=plan.program.code, outputs=self.outputs(plan), **more)
 
-    def shown(self, service: str, plan: Optional[Plan]) -> Dict[str, object]:
+    def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
         """Return what an incident shows of the plan that is carried out, or could be."""
         program, computes = plan.program if plan else Program((), "", ()), plan and plan.computes
         outputs = self.outputs(plan) if plan and computes else ()
         return {
-            "unavailable": tuple(sorted(self._availability.unavailable - {service})),
             "inputs": program.inputs if computes else (),
             "code": program.code,
             "outputs": program.outputs,

@@ -13,15 +13,14 @@ from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 from shsa_core.codegen.plans import plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
-from shsa_core.model.checks import LEARNED, Check
+from shsa_core.model.checks import LEARNED, Check, Finding, judge
 from shsa_core.model.samples import WitnessSample
 from shsa_core.model.error import Error, spread
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
-from shsa_core.monitoring import settings
-from shsa_core.monitoring.derivations import Derivations, FollowedPlan
-from shsa_core.monitoring.evidence import Finding, judge
+from shsa_core.derivations import settings
+from shsa_core.derivations.evaluation import Derivations, FollowedPlan
 from shsa_core.search.derivation import SourceTable
 
 

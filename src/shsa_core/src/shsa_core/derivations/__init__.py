@@ -1,0 +1,1 @@
+"""Derivations: what others tell of a value by the relations; learned, and compared."""
