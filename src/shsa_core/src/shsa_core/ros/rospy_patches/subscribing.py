@@ -1,9 +1,11 @@
 """Subscriptions whose connections are bounded, or read by a thread of our own.
 
 Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
-buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
-connection in a thread that calls back, not saying when one ended, or when a message came. One that
-was refused stays in `connections`, so that no other is made to that node.
+buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It waits 60 s for
+a publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
+takes that call for a header, and serves nobody until it ends. It reads each connection in a thread
+that calls back, not saying when one ended, or when a message came. One that was refused stays in
+`connections`, so that no other is made to that node.
 """
 import socket
 import struct
@@ -15,11 +17,13 @@ import genpy
 import rospy
 from rosgraph.network import decode_ros_handshake_header
 from rospy.exceptions import TransportInitError, TransportTerminated
+from rospy.impl import masterslave, tcpros_pubsub
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import NODE, node_api
 
 LENGTH = struct.Struct("<I")
 
@@ -49,6 +53,15 @@ def read(
             raise ShsaError("it takes too long")
     connection.settimeout(None)
     return data
+
+
+def ask_in_time() -> None:
+    """Have rospy give up a publisher that does not answer within PATIENCE_S, and ask again later.
+
+    To be called before the node is initialised.
+    """
+    patient = lambda uri, **_: node_api(uri, NODE._replace(timeout=settings.PATIENCE_S))
+    masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
 
 
 def bound_header(transport: Any) -> None:
