@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Iterator, List
 
 import psutil
@@ -15,6 +16,7 @@ import rospy
 from own_master import MAY_BE_LIMITED, ORDINARY, OUTAGE_S, Robot, running
 from shsa_msgs.msg import Incident
 
+from shsa_core.files.som_file import added_path
 from shsa_testing.faulty_publisher import FaultyNode
 from shsa_testing.graph import kill_hard, node_process, registered_nodes, subscribers
 from shsa_testing.healing import TopicRecord
@@ -23,6 +25,7 @@ from shsa_testing.processes import running as runs
 from shsa_testing.waiting import wait_until
 
 HANGS_S = 4.0
+SEEN_S = 1.5  # by then what was added is seen
 BACK_S = 2.5  # after the master answers; 1 s if the machine has nothing else to do
 
 HUNG = """
@@ -56,7 +59,9 @@ def test_1_a_master_that_hangs_delays_no_takeover(robot: Robot) -> None:
     robot.master.send_signal(signal.SIGSTOP)
     begun = time.monotonic()
     try:
+        Path(added_path(robot.som)).write_text("services: {}\n", "utf-8")  # as `shsa add` does
         assert robot.taken_over("/hot", "/hot_node") < OUTAGE_S
+        time.sleep(max(0.0, begun + SEEN_S - time.monotonic()))
         assert robot.taken_over("/warm", "/warm_node") < OUTAGE_S
         robot.healing.await_state("/warm", "healed")
         time.sleep(max(0.0, begun + HANGS_S - time.monotonic()))

@@ -59,7 +59,8 @@ class Robot:
         self.records = {name: TopicRecord(name, Float64Stamped) for name, _ in NODES.values()}
         for node in NODES:
             self.start(node)
-        files = f"--ontology {DATA / 'takeover.yaml'} --som {DATA / 'takeover_som.yaml'}".split()
+        self.som = shutil.copy(DATA / "takeover_som.yaml", folder)
+        files = f"--ontology {DATA / 'takeover.yaml'} --som {self.som}".split()
         rospy.set_param("/reconfigurator/hold_off", 0.5)
         self.reconfigurator = self.run(*before, "rosrun", "shsa_core", "reconfigurator", *files)
         self.run(*before, "rosrun", "shsa_core", "monitor", *files[2:])
@@ -102,14 +103,15 @@ class Robot:
 
     def ready(self, service: str) -> List[str]:
         """Return the substitutes, or idle ones, of a service that need no master to take over."""
-        rows = [row for row in self.healing.substitutions if row.service == service]
-        topic = f"/{service or 'warm'}"
-        there = registered_nodes()
+        rows, of = self.healing.substitutions, service or "warm"
+        reads = {each.topic for row in rows if row.service == of for each in row.inputs}
+        sources = [(topic, node) for node, (topic, _) in NODES.items() if topic in reads]
+        nodes = {row.node for row in rows if row.service == service} & set(registered_nodes())
         return [
-            row.node
-            for row in rows
-            if row.node in there
-            and all(is_connected(each, topic, row.node) for each in ("/old_consumer", "/monitor"))
+            node
+            for node in nodes
+            if all(is_connected(each, f"/{of}", node) for each in ("/old_consumer", "/monitor"))
+            and all(is_connected(node, topic, source) for topic, source in sources)
         ]
 
     def told(self, key: str) -> List[str]:

@@ -59,7 +59,7 @@ def regrets(
     assert predicted is not None
     for name in sorted(set(ontology.properties) & set(data.truth)):
         lost = _lost(som, name)
-        errors_of = predicted.knowing(calibrations.measured.get(lost[0], {})) if lost else predicted
+        errors_of = calibrations.knowing(lost[0], predicted) if lost else predicted
         table = SourceTable(network, som.sources).excluding(lost)
         usable = network.executable
         compared = compare(network, table, usable, network.number(name), errors_of).rated

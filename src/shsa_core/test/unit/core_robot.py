@@ -134,12 +134,12 @@ class Robot:
         """The rows of the idle processes."""
         return [row for row in self.shown.values() if row.node and row.idle]
 
-    def heal(self, time: float) -> str:
-        """A fails, is killed, and its substitute publishes."""
-        start = only(self.fail("/a", A, time), events.StartSubstitute)
-        self.killed(time + 0.01, A)
+    def heal(self, time: float, topic: str = "/a", node: str = A) -> str:
+        """A node fails, is killed, and its substitute publishes."""
+        start = only(self.fail(topic, node, time), events.StartSubstitute)
+        self.killed(time + 0.01, node)
         self.handle(events.SubstituteStarted(time + 0.02, start.node, time + 0.001))
-        self.row("/a", start.node, "healthy", time + 0.5, first=time + 0.5)
+        self.row(topic, start.node, "healthy", time + 0.5, first=time + 0.5)
         self.table(time + 0.51)
         return start.node
 

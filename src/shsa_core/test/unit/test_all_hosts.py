@@ -136,7 +136,7 @@ def test_what_waits_for_an_agent_that_hangs_is_bounded(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: List[Any] = []
-    monkeypatch.setattr(rospy, "Publisher", lambda *what, **how: made.append(how))
+    monkeypatch.setattr(rospy.Publisher, "__init__", lambda *what, **how: made.append(how))
     robot.hosts._signing = SimpleNamespace(signer=lambda *what: None)
     robot.hosts._host("pi")
     assert 0 < made[0]["queue_size"] <= QUEUE

@@ -24,9 +24,9 @@ class Left(Driver):
             self.ready(topic)
         self.time = 10.0
 
-    def gone(self, topic: str = "/out") -> None:
-        """The monitor tells that a node is gone."""
-        self.tell(events.NodeGone, topic, LAST)
+    def gone(self, topic: str = "/out", kind: str = "node_gone") -> None:
+        """The monitor tells that a node is gone, or fails otherwise."""
+        self.tell(events.FailureHeard, topic, kind, LAST)
 
     def until(self, time: float) -> List[Any]:
         """Let time pass: each look is answered, and what it takes over comes as its row."""
@@ -61,6 +61,13 @@ def test_it_takes_nothing_over_while_a_reconfigurator_gives_signs_of_life() -> N
         process.heard = tenth / 10
     process.heard = 19.9
     assert not only(process.until(40.0), events.TakeOver)
+
+
+def test_it_takes_nothing_over_from_a_node_that_fails_otherwise() -> None:
+    process = Left(heard=9.97)
+    process.gone(kind="silent")
+    process.gone(kind="no word")
+    assert not only(process.until(20.0), events.TakeOver)
 
 
 def test_it_takes_over_where_the_reconfigurator_died_before_it_had_decided() -> None:

@@ -10,15 +10,18 @@ from shsa_core.derivations.calibrator import Calibrator
 from shsa_core.derivations.settings import (
     DRIFT_S,
     ERRORS,
+    ERRORS_APART,
     FEWEST_ERRORS,
     GAIN_STEP,
     GUARD_S,
+    SAMPLE_S,
     SETTLING_S,
 )
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.growth import PRIOR_GAIN
 
 PERIOD = 0.1
+ERROR_S = ERRORS_APART * SAMPLE_S
 NOISE = 0.3
 
 Signal = Callable[[float], float]
@@ -77,7 +80,7 @@ def test_twenty_seconds_help_already() -> None:
 
 def test_the_error_is_that_of_what_would_have_been_published() -> None:
     stream = Stream()
-    stream.run(SETTLING_S + ERRORS + GUARD_S + 10.0)
+    stream.run(SETTLING_S + ERRORS * ERROR_S + GUARD_S + 10.0)
     error = stream.found.error
     assert error is not None and error.n == ERRORS
     assert error.rms == pytest.approx(NOISE, rel=0.1)
@@ -85,9 +88,17 @@ def test_the_error_is_that_of_what_would_have_been_published() -> None:
     assert error.p95 == pytest.approx(1.96 * NOISE, rel=0.15)
 
 
+def test_by_what_it_erred_while_it_learned_is_not_its_error() -> None:
+    stream = Stream(1.4, 0.0, 0.01)
+    stream.run(20.0, standing)
+    stream.run(SETTLING_S)
+    error = stream.found.error
+    assert error is not None and error.rms < 0.15
+
+
 def test_nothing_is_told_before_enough_is_known() -> None:
     stream = Stream()
-    stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS - 2.0)
+    stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS * ERROR_S - 2.0)
     assert stream.found == UNCALIBRATED
     stream.run(4.0)
     assert stream.found.error is not None

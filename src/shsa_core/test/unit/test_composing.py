@@ -39,7 +39,8 @@ from shsa_core.model.conventions import CONVENTIONS, UNKNOWN_VARIANCE, with_unkn
 from shsa_core.model.kinds import Others
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-from shsa_core.ros.messages.composing import compose, read_message
+from shsa_core.ros.messages.fields import read_message
+from shsa_core.substitution.composing import compose
 
 LARGE = UNKNOWN_VARIANCE
 UNKNOWN, LAST, ZERO = Others.UNKNOWN, Others.LAST, Others.ZERO

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import Answer, BadAnswer
-from shsa_core.ros.trust import computers
-from shsa_core.ros.trust.computers import (
+from shsa_core.ros.trust import proving
+from shsa_core.ros.trust.proving import NONCE_B, Challenger
+from shsa_core.trust import proof
+from shsa_core.trust.computers import (
     FIRST_RENEWAL_NS,
     MOST,
     MOST_FAILED,
@@ -23,9 +25,8 @@ from shsa_core.ros.trust.computers import (
     TRIES,
     Computers,
 )
-from shsa_core.ros.trust.places import Place
-from shsa_core.ros.trust.computers import Challenger
-from shsa_core.ros.trust.signing import (
+from shsa_core.trust.proof import Place, Proof
+from shsa_core.trust.seal import (
     AHEAD_NS,
     EARLY,
     FOREIGN,
@@ -71,8 +72,8 @@ class Robot:
         return self.world.now + self.wall_ahead
 
     def proves(self, nonce: str) -> Any:
-        told = computers.Proof(self.boot, self.name, self.master, self.clock(), self.wall())
-        return [computers.written(self.secret, nonce, told)]
+        told = Proof(self.boot, self.name, self.master, self.clock(), self.wall())
+        return [proof.written(self.secret, nonce, told)]
 
     def says(self, text: bytes = b"text") -> bytes:
         """A signed message, sent now."""
@@ -295,19 +296,19 @@ def test_whatever_is_answered_is_no_proof(answer: Any) -> None:
     with pytest.raises(ShsaError):
         Challenger(SECRET, lambda node: "http://x:1/", lambda *_: Answer(answer, 0, 0)).ask("/x")
     with pytest.raises(ShsaError):
-        computers.read(SECRET, "", answer)
+        proof.read(SECRET, "", answer)
 
 
 def test_a_proof_of_another_version_is_none() -> None:
     for text in ("{}", "[]", "nonsense", json.dumps({"boot": 1, "master": [1, 2, 3]})):
-        signed = [text, computers._signature(SECRET, "ab", text)]
+        signed = [text, proof._signature(SECRET, "ab", text)]
         with pytest.raises(ShsaError, match="another version"):
-            computers.read(SECRET, "ab", signed)
+            proof.read(SECRET, "ab", signed)
 
 
 def test_a_proof_counts_for_its_nonce_alone(world: World) -> None:
     sender, reader = Robot(world, "sender"), Reader(world)
-    old = sender.proves(secrets.token_hex(computers.NONCE_B))
+    old = sender.proves(secrets.token_hex(NONCE_B))
     sender.answers = lambda node, nonce: old
     assert reader.hears(sender.says()) == "sender on sender: its secret is another than ours"
 
@@ -404,14 +405,14 @@ def test_another_node_is_asked_once_the_one_that_proved_it_is_gone(world: World)
 
 
 def test_a_process_proves_each_secret_that_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(computers, "_served", computers.OrderedDict())
-    monkeypatch.setattr(computers, "master_seen", lambda: MASTER)
-    computers.serve(SECRET, b"b" * 16)
-    computers.serve(bytes(32), b"c" * 16)
-    asked = secrets.token_hex(computers.NONCE_B)
-    code, _, answers = computers._prove(None, "/me", asked)
-    call = lambda uri, method, nonce: Answer(computers._prove(None, "/me", nonce)[2], 0, 0)
+    monkeypatch.setattr(proving, "_served", proving.OrderedDict())
+    monkeypatch.setattr(proving, "master_seen", lambda: MASTER)
+    proving.serve(SECRET, b"b" * 16)
+    proving.serve(bytes(32), b"c" * 16)
+    asked = secrets.token_hex(NONCE_B)
+    code, _, answers = proving._prove(None, "/me", asked)
+    call = lambda uri, method, nonce: Answer(proving._prove(None, "/me", nonce)[2], 0, 0)
     met = Challenger(SECRET, lambda node: "http://x:1/", call, lambda: MASTER).ask("/sender")
     assert code == 1 and len(answers) == 2 and met.boot == b"b" * 16
     for wrong in ("", "x" * 32, "a" * 31, 7, None):
-        assert computers._prove(None, "/me", wrong)[0] == -1
+        assert proving._prove(None, "/me", wrong)[0] == -1

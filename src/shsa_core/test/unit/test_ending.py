@@ -336,6 +336,10 @@ def test_a_master_that_does_not_answer_proves_nothing(
     assert found.where is Where.UNKNOWN and "the master does not answer" in found.detail
 
 
+def test_nothing_is_cleared_of_a_node_that_the_master_does_not_know(nodes: Nodes) -> None:
+    assert ending.clear(nodes, "/nobody")
+
+
 def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make: Make) -> None:
     node = make("/anything")
     nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
@@ -374,6 +378,15 @@ def test_an_original_that_answers_nonsense_serves_nobody(nodes: Nodes, answer: A
     node = StrangeNode(value(answer))
     register(node.uri)
     assert Originals().served_consumers(TOPIC, NAME) is None
+    node.end()
+
+
+def test_an_original_in_cpp_tells_whom_it_serves(nodes: Nodes) -> None:
+    stats = [[[TOPIC, [[1, 60, 50, 5, 0], [2, 0, 0, 0, 0]]]], [], []]  # without a status
+    info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
+    node = StrangeNode(value(7), getBusStats=value(stats), getBusInfo=value([1, "", info]))
+    register(node.uri)
+    assert Originals().served_consumers(TOPIC, NAME) == {"a"}
     node.end()
 
 

@@ -28,8 +28,8 @@ from shsa_core.ros.wire.healing import calibrations_heard
 from shsa_core.ros.wire.healing import calibration_key, calibration_row
 from shsa_core.search.derivation import SourceTable
 
-FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=200))
-LATER = Calibration(1.4, 0.9, Error(0.2, 0.01, 0.4, n=300))
+FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=500))
+LATER = Calibration(1.4, 0.9, Error(0.2, 0.01, 0.4, n=600))
 
 
 def program_of_best() -> Program:
@@ -150,21 +150,24 @@ def pair(*outputs: Provision) -> Robot:
     return Robot(som, Ontology(properties, {}, functions))
 
 
-def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 100) -> Program:
+def measured(robot: Robot, time: float, without: str, *errors: float, n: int = 200) -> Program:
     """The monitor tells by what the best plan without a node errs; returns its program."""
-    planner = robot.core.robot.planner
-    plan = plan_service(
-        planner.ontology,
-        planner.som.services["p"],
-        planner.plans.sources,
-        ("/p_node", without),
-        predictor=planner.predictor,
-    )
-    found = [Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n)) for rms in errors]
-    row = CalibrationRow("p", plan.program, tuple(found))
+    program = program_of(robot, without)
+    row = CalibrationRow("p", program, tuple(calibration(rms, n) for rms in errors))
     robot.handle(events.CalibrationsHeard(time, (row,)))
     robot.idle(time)
-    return plan.program
+    return program
+
+
+def calibration(rms: float, n: int = 200) -> Calibration:
+    return Calibration(1.1, rms, Error(rms, p95=2 * rms, n=n))
+
+
+def program_of(robot: Robot, without: str) -> Program:
+    """Return the program of the best plan without a node."""
+    planner = robot.core.robot.planner
+    question = planner.ontology, planner.som.services["p"], planner.plans.sources
+    return plan_service(*question, ("/p_node", without), predictor=planner.predictor).program
 
 
 def chosen(robot: Robot) -> Tuple[str, ...]:
@@ -187,7 +190,7 @@ def test_what_was_measured_decides_value_by_value_and_its_calibrations_come_alon
 def test_small_changes_and_few_samples_change_no_plan() -> None:
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
-    measured(robot, 6.0, X, 0.3, 0.4, n=10)
+    measured(robot, 6.0, X, 0.3, 0.4, n=50)
     assert chosen(robot) == ("ux", "vx")
     measured(robot, 7.0, X, 0.45, 0.4)
     assert chosen(robot) == ("ux", "vx"), "that is not clear"
@@ -210,6 +213,37 @@ def test_what_is_measured_while_it_is_healed_counts_later() -> None:
     robot.core.robot.planner.plans.drop("p")
     robot.idle(7.0)
     assert chosen(robot) == ("ux", "vx"), "it is followed no more"
+
+
+def contradicted(first: float, second: float) -> Tuple[Robot, List[events.Command]]:
+    """While the best plan of both substitutes, the monitor tells by what each may err."""
+    robot = pair()
+    measured(robot, 5.0, Y, 0.2, 0.2)
+    measured(robot, 6.0, X, 0.3, 0.3)
+    robot.heal(10.0, "/p", "/p_node")
+    other, best = (
+        CalibrationRow("p", program, (calibration(rms),) * 2)
+        for program, rms in ((program_of(robot, X), second), (program_of(robot, Y), first))
+    )
+    return robot, robot.handle(events.CalibrationsHeard(20.0, (other, best)))
+
+
+def test_a_substitute_that_is_contradicted_gives_way_to_one_that_is_not() -> None:
+    robot, said = contradicted(2.0, 0.3)
+    (row,) = robot.working()
+    assert row.publishing and row.relations == ("uy", "vy")
+    assert [(each.gain, each.offset) for each in row.outputs] == [(1.1, 0.3)] * 2
+    told = "/p: the substitute is contradicted: its error has grown. The next best takes its place."
+    assert Log(Level.WARN, told) in said and last_incident(said).state is State.HEALED
+    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(9.0),) * 2)
+    robot.handle(events.CalibrationsHeard(30.0, (contradicted_too,)))
+    assert robot.working()[0].relations == ("ux", "vy"), "what was tried is not tried again"
+
+
+@pytest.mark.parametrize("first, second", [(2.0, 2.0), (0.2, 0.3), (0.35, 0.3)])
+def test_a_substitute_goes_on_where_no_other_errs_clearly_less(first: float, second: float) -> None:
+    robot, _ = contradicted(first, second)
+    assert robot.working()[0].relations == ("ux", "vx")
 
 
 @pytest.mark.parametrize("standby", [Standby.COLD, Standby.HOT])
@@ -258,7 +292,7 @@ def test_what_is_calibrated_no_more_is_forgotten() -> None:
 def test_a_monitor_that_starts_anew_does_not_undo_what_was_learned() -> None:
     robot = Robot()
     told(robot, 5.0)
-    told(robot, 8.0, replace(LATER, error=Error(0.2, n=10)))
+    told(robot, 8.0, replace(LATER, error=Error(0.2, n=50)))
     told(robot, 9.0, UNCALIBRATED)
     robot.fail("/a", A, 10.0)
     assert calibrated(robot) == (1.2, 0.5)

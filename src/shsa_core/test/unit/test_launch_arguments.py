@@ -1,5 +1,7 @@
 """Arguments that a launch file does not take are named, and no others."""
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import List
 from xml.etree import ElementTree
@@ -41,6 +43,13 @@ def test_what_is_passed_on_counts(tmp_path: Path, passes: str, ok: bool) -> None
     assert refused(str(file), "som:=y") == ["som"]
     assert refused(str(file), "own:=agent.launch", "sandbox:=x") == ([] if ok else ["sandbox"])
     assert refused(str(file), "own:=$(env FILE)", "x:=1") == ([] if ok else ["x"])
+
+
+def test_nothing_slow_is_loaded_where_the_first_file_takes_all() -> None:
+    text = "from shsa_core.ros.launch_arguments import unknown; import sys\n"
+    text += f"assert unknown(['roslaunch', {SHSA!r}, 'ontology:=/o', 'som:=/s']) == []\n"
+    text += "assert 'roslaunch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", text], check=True)
 
 
 def test_other_commands_and_files_that_cannot_be_found_are_left_alone() -> None:

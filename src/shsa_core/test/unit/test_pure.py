@@ -13,7 +13,7 @@ PACKAGE = SOURCE / "shsa_core"
 ORDER = [
     ("text",),
     ("errors", "dispatch", "agenda", "table", "watch"),
-    ("message_types",),
+    ("message_types", "trust"),
     ("language",),
     ("model",),
     ("files",),
@@ -25,6 +25,7 @@ ORDER = [
     ("gating",),
     ("planning",),
     ("healing",),
+    ("hosts",),
     ("analysis",),
     ("cli",),
     ("ros.settings",),
@@ -39,9 +40,9 @@ ORDER = [
 ROOT = "the package itself"
 LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in row}
 # The running nodes' cores read no file.
-CORES = ("monitoring", "substitution", "gating", "healing")
+CORES = ("monitoring", "substitution", "gating", "healing", "hosts")
 """Connections and messages are the same whoever reads them."""
-NO_FILES = ("search", "codegen", "derivations", "planning", *CORES)
+NO_FILES = ("search", "codegen", "derivations", "planning", "trust", *CORES)
 
 
 def name_of(path: pathlib.Path) -> str:
@@ -154,9 +155,7 @@ def test_the_package_needs_none_of_the_others_and_no_library_for_learning() -> N
     assert run(NOT_NEEDED, list(MODULES)) == (0, "")
 
 
-@pytest.mark.parametrize(
-    "part", ["healing", "search", "codegen", "derivations", "monitoring", "substitution", "gating"]
-)
+@pytest.mark.parametrize("part", NO_FILES)
 def test_what_runs_on_the_robot_loads_no_library_for_drawing_or_analysing(part: str) -> None:
     names = [name for name in MODULES if name.startswith(f"shsa_core.{part}")]
     # Substitutes and gates have no ontology, and start at once: they do without the graph as well.

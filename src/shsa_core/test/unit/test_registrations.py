@@ -4,7 +4,7 @@ from typing import Any, Dict, List
 
 import pytest
 
-from shsa_core.ros.master.registrations import (
+from shsa_core.analysis.registrations import (
     NOTHING,
     Graph,
     Part,

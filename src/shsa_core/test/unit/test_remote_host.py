@@ -10,12 +10,11 @@ from shsa_msgs import msg  # noqa: E402
 
 from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
-from shsa_core.ros.agent.agent import AgentEnd  # noqa: E402
-from shsa_core.ros.processes.host import HostEvent  # noqa: E402
-from shsa_core.ros.agent.all_hosts import RemoteHost  # noqa: E402
+from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written  # noqa: E402
+from shsa_core.hosts.conversation import AgentEnd, RemoteHost  # noqa: E402
 from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
-from shsa_core.ros.processes.host import COMMANDS, EVENTS, read, written  # noqa: E402
 
+PATIENCE, RETURNS = LOST_BEATS * HEARTBEAT_S, RETURN_BEATS * HEARTBEAT_S
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
 
@@ -29,12 +28,12 @@ class Cable:
         self.now = 100.0
         self.running: List[str] = []
         self.restarted: List[str] = []
-        self.host = RemoteHost("pi", self.told.append, self.command)
-        self.agent = AgentEnd(1000)
+        self.host = RemoteHost("pi", self.told.append, self.command, PATIENCE, RETURNS)
+        self.agent = AgentEnd(1000, PATIENCE)
 
-    def command(self, message: msg.HostCommand) -> None:
-        if self.whole and self.agent.hear(message, self.now):
-            self.done.append(read(COMMANDS, message.command, "test"))
+    def command(self, **fields: Any) -> None:
+        if self.whole and self.agent.hear(msg.HostCommand(**fields), self.now):
+            self.done.append(read(COMMANDS, fields["command"], "test"))
 
     def say(self, text: str) -> None:
         if self.whole:
@@ -64,7 +63,7 @@ class Cable:
         while self.now < end:
             self.now += TICK_S
             self.say("")
-            self.host.tick(self.now)
+            self.host.tick(self.now, TICK_S)
             self.host.beat()
 
     def take(self, kind: type) -> List[Any]:
@@ -143,7 +142,7 @@ def test_the_load_of_a_computer_is_told_as_often_as_it_comes(cable: Cable) -> No
 
 def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
     cable.whole = False
-    cable.pass_time(LOST_BEATS * HEARTBEAT_S - 0.2)
+    cable.pass_time(PATIENCE - 0.2)
     assert not cable.take(events.HostLost)
     cable.pass_time(0.4)
     assert [each.host for each in cable.take(events.HostLost)] == ["pi"]
@@ -158,16 +157,16 @@ def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
 
 def test_time_in_which_we_did_not_run_is_no_silence(cable: Cable) -> None:
     cable.now += 5.0
-    cable.host.tick(cable.now)
+    cable.host.tick(cable.now, TICK_S)
     assert not cable.take(events.HostLost)
 
 
 def test_an_agent_that_has_ended_is_given_time_to_be_started_again(cable: Cable) -> None:
     cable.host.ended = lambda: True
     cable.whole = False
-    cable.pass_time(LOST_BEATS * HEARTBEAT_S + 0.5)
+    cable.pass_time(PATIENCE + 0.5)
     cable.host.ended = lambda: False  # the next one has connected, and says nothing yet
-    cable.pass_time((RETURN_BEATS - LOST_BEATS) * HEARTBEAT_S - 1.0)
+    cable.pass_time(RETURNS - PATIENCE - 1.0)
     assert not cable.take(events.HostLost)
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     assert cable.take(events.NodeFound)[0].where is Where.UNREACHABLE
@@ -179,7 +178,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
     cable.whole = False
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     cable.host.carry_out(SUBSTITUTE, cable.now)
-    cable.pass_time(LOST_BEATS * HEARTBEAT_S + 0.2)
+    cable.pass_time(PATIENCE + 0.2)
     assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
     assert len(cable.take(events.ProcessExited)) == 1
     cable.host.carry_out(events.EndProcess("/a"), cable.now)
@@ -196,7 +195,7 @@ def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     number = cable.agent.heard + 1
     late = msg.HostCommand(session=cable.agent.session, agent=1000, number=number, command=text)
-    cable.now += LOST_BEATS * HEARTBEAT_S + 0.1
+    cable.now += PATIENCE + 0.1
     assert not cable.agent.hear(late, cable.now)
     cable.pass_time(0.3)
     assert cable.host.is_reached and cable.agent.session > late.session
@@ -220,7 +219,7 @@ def test_what_a_stranger_repeats_changes_nothing(cable: Cable) -> None:
 def test_a_later_reconfigurator_is_heard_and_the_former_no_more(cable: Cable) -> None:
     former = cable.agent.session
     told: List[Any] = []
-    second = RemoteHost("pi", told.append, cable.command)
+    second = RemoteHost("pi", told.append, cable.command, PATIENCE, RETURNS)
     cable.running = ["/substitute_a_1"]
     first, cable.host = cable.host, second
     cable.pass_time(0.2)
@@ -239,7 +238,7 @@ def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable)
     cable.running = [SUBSTITUTE.node]
     cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
     cable.told.clear()
-    cable.agent = AgentEnd(2000)
+    cable.agent = AgentEnd(2000, PATIENCE)
     cable.pass_time(0.3)
     assert cable.done.count(SUBSTITUTE) == 1
     assert [each.known for each in cable.take(events.NodeLearned)] == [False]

@@ -9,7 +9,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "bench"))
 
 from simulated_robot import Robot, lines_of  # noqa: E402
 
-from shsa_core.codegen.generator import ways_of  # noqa: E402
+from shsa_core.codegen.generator import uses_of  # noqa: E402
 from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.model.health import PublisherState  # noqa: E402
@@ -21,7 +21,7 @@ def work(size: int, standby: Standby, alone: int) -> Dict[str, int]:
 
     `alone`: so many hot substitutes have a process each; 0: all.
     """
-    ways_of.cache_clear()
+    uses_of.cache_clear()
     robot = Robot(size, standby, settings=Settings(pool=2, hot_hosts=alone))
     first, second, *_ = robot.som
     robot.time += 100.0

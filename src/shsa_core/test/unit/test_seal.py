@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.trust import places
-from shsa_core.ros.trust.computers import Computer
-from shsa_core.ros.trust.signing import (
+from shsa_core.ros.trust.signing import SENDERS, Refusals, Signing
+from shsa_core.trust.computers import Computer
+from shsa_core.trust.seal import (
     AHEAD_NS,
     FOREIGN,
     REMEMBERED,
@@ -23,8 +24,6 @@ from shsa_core.ros.trust.signing import (
     Verifier,
     Seal,
 )
-from shsa_core.ros.trust.signing import SENDERS, Refusals
-from shsa_core.ros.trust.signing import Signing
 
 KEY = bytes(range(32))
 BOOT = b"the boot of ours"

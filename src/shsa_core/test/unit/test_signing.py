@@ -12,10 +12,10 @@ from shsa_msgs.msg import Failure
 from shsa_core.ros import diagnostics
 from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust import places, signing
-from shsa_core.ros.trust.computers import Met
-from shsa_core.ros.trust.computers import Proof, written
-from shsa_core.ros.trust.signing import FOREIGN, TWICE
 from shsa_core.ros.trust.signing import SENDERS, Signing
+from shsa_core.trust.computers import Met
+from shsa_core.trust.proof import Proof, written
+from shsa_core.trust.seal import FOREIGN, TWICE
 
 AWAIT_S = 20.0
 

@@ -10,14 +10,15 @@ from typing import Any, Iterator, List
 import psutil
 import pytest
 import rospy
-from rospy.impl import tcpros_base
+from rospy.impl import masterslave, tcpros_base, tcpros_pubsub
 from rospy.impl.tcpros import get_tcpros_handler
 from rospy.impl.tcpros_base import TCPROSTransport
 from rospy.impl.tcpros_pubsub import TCPROSSub
 from std_msgs.msg import String
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.rospy_patches.subscribing import HandedOver, subscribe
+from shsa_core.ros import settings
+from shsa_core.ros.rospy_patches.subscribing import HandedOver, ask_in_time, subscribe
 from shsa_core.ros.settings import LARGEST_HEADER_B
 from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
 from shsa_testing.raw_publisher import RawPublisher
@@ -74,6 +75,19 @@ def test_a_header_that_does_not_end_is_given_up(heard: List[str]) -> None:
     wait_until(lambda: publisher.ended, 20.0, "the connection is closed")
     assert publisher.sent < 64 * LARGEST_HEADER_B
     publisher.close()
+
+
+def test_a_header_that_does_not_come_is_given_up(heard: List[str], monkeypatch: Any) -> None:
+    monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.2)
+    with socket.create_server(("localhost", 0)) as server:
+        protocol = ["TCPROS", "localhost", server.getsockname()[1]]
+        assert get_tcpros_handler().create_transport(heard[0], PUBLISHER, protocol)[0] == 1
+        server.settimeout(10.0)
+        connection, _ = server.accept()
+        with connection:
+            connection.settimeout(10.0)
+            while connection.recv(1 << 16):  # the header of the subscriber, and then the end
+                pass
 
 
 def connecting() -> Any:
@@ -142,3 +156,26 @@ def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> Non
         assert not subscriptions._standing
         subscriptions._tell(_Closed("/topic", transport))
         assert [type(each) for each in subscriptions.read()] == [Looked]
+
+
+def test_who_has_the_port_of_a_dead_publisher_is_held_up_for_a_moment_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A rospy publisher takes a call for a header, and serves nobody until it ends."""
+    monkeypatch.setattr(masterslave, "xmlrpcapi", masterslave.xmlrpcapi)
+    monkeypatch.setattr(tcpros_pubsub, "ServerProxy", tcpros_pubsub.ServerProxy)
+    monkeypatch.setattr(settings, "PATIENCE_S", 0.3)
+    ask_in_time()
+    topic = f"/held_up_{next(NUMBERS)}"
+    subscriber = subscribe(topic, String, print, LARGEST_B)
+    with socket.create_server(("localhost", 0)) as there:
+        uri = f"http://localhost:{there.getsockname()[1]}/"
+        connect = masterslave.ROSHandler("/monitor", "")._connect_topic
+        threading.Thread(target=connect, args=(topic, uri), daemon=True).start()
+        caller, _ = there.accept()
+        with caller:
+            caller.settimeout(10.0)
+            assert caller.recv(4) == b"POST"
+            while caller.recv(4096):
+                pass  # it has not ended
+    subscriber.unregister()

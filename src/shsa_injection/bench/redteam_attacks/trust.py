@@ -24,7 +24,7 @@ from shsa_msgs.msg import (
 
 from redteam_attacks.target import ERRORS, GATE, LENGTH, Target, framed, header
 from shsa_core.ros.processes.heartbeats import CREDENTIALS, CUT_OFF
-from shsa_core.ros.trust.signing import TRAILER
+from shsa_core.trust.seal import TRAILER
 from shsa_testing.raw_publisher import RawPublisher
 
 SAID = {

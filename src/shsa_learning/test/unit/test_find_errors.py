@@ -6,6 +6,16 @@ from typing import Any, Callable, Dict, Tuple
 import pytest
 
 from shsa_core.cli.main import main
+from shsa_core.codegen.fusion import fuse
+from shsa_core.codegen.generator import generate
+from shsa_core.files.ontology_file import read_ontology
+from shsa_core.files.som_file import read_som
+from shsa_core.model.calibration import Calibration, CalibrationRow
+from shsa_core.model.error import Error
+from shsa_core.planning.planner import Calibrations
+from shsa_core.search.derivation import Derivation
+from shsa_learning.cli import find
+from shsa_learning.substitutes import substitutes
 
 ONTOLOGY = """\
 properties: {y: {unit: A, usual: [0, 5]}, w: {usual: [0, 1]}, x: {usual: [0, 1]}, z: }
@@ -109,3 +119,33 @@ def test_what_errs_too_much_is_not_used_and_it_is_said_why(
     assert "(not used: its error of 0.8 (p95) is above fault_tolerant_error, 0.5)" in text
     status, text = run(0.3, "report", "--json")
     assert why in text
+
+
+@pytest.mark.parametrize("fuses", [False, True])
+def test_explain_says_why_values_are_fused_or_not(
+    shsa: Shsa, tmp_path: pathlib.Path, monkeypatch: Any, fuses: bool
+) -> None:
+    text = shsa("find", "y", "--explain")
+    assert "fusion  none: it takes errors at the same moments, of a running robot (--live)" in text
+    ontology, som = read_ontology(str(tmp_path / "o.yaml")), read_som(str(tmp_path / "s.yaml"))
+    left = [each for each in som.sources if each.service.name != "odom"]
+    singles = [each.derivation for each, _ in substitutes(ontology, left, "y")]
+    function = fuse(singles, [(0.7, Calibration()), (0.3, Calibration(1.1, 0.5))]).function
+    told = [*singles, Derivation("y", None, function, tuple(singles))][: 3 if fuses else 2]
+    heard = Calibrations()
+    for number, derivation in enumerate(told):
+        program = generate([(derivation, "/odom/y")], ontology.constants)
+        rms = 0.3 - 0.1 * number
+        error = Calibration(error=Error(rms, p95=2.0 * rms, n=200))
+        heard.add(CalibrationRow("odom", program, (error,)), healing=False)
+    monkeypatch.setattr(find, "_measured", lambda namespace: heard)
+    text = shsa("find", "y", "--explain", "--live")
+    if fuses:
+        assert "y: quality 0.45, error 0.1 (95 %: 0.2) by fusion 70:30, high, low from" in text
+        assert "  return 0.7*i1 + 0.33*i2 +0.15\n" in text
+        assert (
+            "fusion  fusion 70:30 errs clearly less than each part: 0.7*first + 0.33*second" in text
+        )
+    else:
+        assert "y: quality 0.5, error 0.2 (95 %: 0.4) by low from /x/d" in text
+        assert "fusion  none: no sum of what is calibrated has erred 5 % less" in text

@@ -138,4 +138,4 @@ def _changed(old: Dict[str, Any], change: Any, rows: Dict[str, Any]) -> Dict[str
 
 def moment_of(stamp: rospy.Time) -> float:
     """Return the moment of a stamp by the clock of this computer, in s; 0 for none."""
-    return clock.sender_clock(rospy.Time(), 0).at(stamp) or 0.0
+    return clock.to_moment(stamp, clock.offset()) or 0.0

@@ -1,15 +1,14 @@
 """Maps what the master lists of nodes to their duties: what a kill would cost beyond the SOM."""
 import re
 from collections import defaultdict
-from typing import DefaultDict, Dict, FrozenSet, Iterable, Mapping, Set, Tuple
+from typing import DefaultDict, Dict, Iterable, Mapping, Set, Tuple
 
+from shsa_core.analysis.registrations import Pairs
 from shsa_core.errors import listed
 from shsa_core.model.names import Names
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
-Pairs = FrozenSet[Tuple[str, str]]
-"""Names of topics or services, and the nodes that have registered them."""
 Had = Mapping[str, Tuple[str, ...]]
 TF = ("/tf", "/tf_static")
 OF_EVERY_NODE = ("/clock", "/rosout", "/diagnostics", "/statistics")

@@ -4,6 +4,7 @@ from itertools import zip_longest
 from typing import Collection, Iterator, List, Mapping, NamedTuple
 from typing import Optional, Sequence, Set, Tuple
 
+from shsa_core.codegen.fusion import fused
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.network import Network
@@ -16,7 +17,7 @@ MOST = 64
 """The most derivations of a property that are compared."""
 MOST_PARTS = 256
 """The most parts that they may have together: healing waits for the answer."""
-MARGIN = 0.2
+MARGIN = 0.1
 """By this share an error that was measured must be smaller than another one to come before it."""
 KNOWN, UNKNOWN = range(2)
 """A known error comes before one that is not."""
@@ -85,7 +86,7 @@ def compare(
     """Compare derivations of a property by what is preferred, and by their errors.
 
     They are taken by turns from all relations that yield the property: which of them errs least
-    must not depend on their qualities.
+    must not depend on their qualities. A fusion comes before all that it is of.
     """
     ranking = Ranking(network, table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
@@ -105,8 +106,13 @@ def compare(
     if predictor is not None:
         errors = predictor.of(derivations)
         order = ordered(derivations, predictor)
+        for each in fused(predictor.fusions, parts):
+            before = min(order.index(derivations.index(part)) for part in each.derivation.inputs)
+            order.insert(before, len(parts))
+            parts.append(each)
+            errors += predictor.of([each.derivation])
     wished, refused = set(prefer), [bool(refusal(error, limit)) for error in errors]
-    order.sort(key=lambda i: (refused[i], wished.isdisjoint(derivations[i].relations())))
+    order.sort(key=lambda i: (refused[i], wished.isdisjoint(parts[i].derivation.relations())))
     return Compared([parts[i] for i in order], complete, refused.count(False))
 
 

@@ -2,7 +2,7 @@
 import re
 from functools import lru_cache
 from hashlib import sha1
-from typing import Dict, List, Mapping, Sequence, Tuple, Union
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
 from shsa_core.errors import CodeError, GenerationError, listed
@@ -66,22 +66,42 @@ def way(derivation: Derivation) -> str:
     return ways[derivation]
 
 
-@lru_cache(maxsize=1000)
+class Use(NamedTuple):
+    """A relation used in a generated program: its `title`, its result, the `way` of each input."""
+
+    title: str
+    result: str
+    inputs: Tuple[str, ...]
+
+
 def ways_of(program: Program) -> Tuple[str, ...]:
     """Return the `way` of each output of a generated program; nothing if it is another one."""
+    return uses_of(program)[1]
+
+
+@lru_cache(maxsize=1000)
+def uses_of(program: Program) -> Tuple[Tuple[Use, ...], Tuple[str, ...]]:
+    """Return what a generated program uses, and the `way` of each of its outputs."""
     ways = {f"t{i}": path for i, path in enumerate(program.inputs)}
-    titles: Dict[str, str] = {}
+    definitions: Dict[str, Tuple[str, str]] = {}
+    uses: List[Use] = []
+    name = ""
     for line in program.code.splitlines():
         definition, result = _DEFINITION.match(line), _RESULT.fullmatch(line)
         if definition is not None:
-            titles[definition[1]] = definition[2]
+            name = definition[1]
+            definitions[name] = definition[2], ""
         elif result is not None:
             names = [name for name in (result[3] or result[4] or "").split(",") if name]
             inputs = [ways.get(name, "") for name in names]
             if result[1] == "y":
-                return tuple(inputs)
-            ways[result[1]] = _way(titles.get(result[2], ""), inputs)
-    return ()
+                return tuple(uses), tuple(inputs)
+            use = Use(*definitions.get(result[2], ("", "")), tuple(inputs))
+            ways[result[1]] = _way(use.title, inputs)
+            uses.append(use)
+        elif name in definitions:
+            definitions[name] = definitions[name][0], line.strip()
+    return (), ()
 
 
 def _way(title: str, inputs: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from math import isnan, nan, sqrt
 from random import Random
 from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
+from shsa_core.codegen.fusion import Fusion
 from shsa_core.codegen.generator import generate_function, in_order, way
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
@@ -78,10 +79,12 @@ class Predictor:
         self._ranges: Dict[str, Tuple[float, float]] = {}
         self._baselines: Dict[str, float] = {}
         self._steps: Dict[int, Optional[Step]] = {}  # by function
+        self._functions: Dict[int, Optional[TransferFunction]] = {}  # they live on, with their ids
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
         self._parts: Dict[int, Optional[_Part]] = {}  # by such a number
         self._values: Dict[int, Optional[Values]] = {}
         self._measured: Mapping[str, Error] = {}
+        self.fusions: Sequence[Fusion] = ()
         for function in ontology.functions:
             self._take_baseline(function.output, function.error)
         for source in sources:
@@ -100,10 +103,13 @@ class Predictor:
         """Return the RMS error of always saying the mean of a property; None: not known."""
         return self._baselines.get(name)
 
-    def knowing(self, measured: Mapping[str, Error]) -> "Predictor":
-        """Return it with errors that were `measured`, by the `way` of a derivation: they count."""
+    def knowing(self, measured: Mapping[str, Error], fusions: Sequence[Fusion] = ()) -> "Predictor":
+        """Return it with errors that were `measured`, by the `way` of a derivation: they count.
+
+        `fusions`: those that have proven better than what they are of.
+        """
         found = copy(self)
-        found._measured = measured
+        found._measured, found.fusions = measured, fusions
         return found
 
     def measured(self, derivation: Derivation) -> Optional[Error]:
@@ -133,6 +139,7 @@ class Predictor:
         numbers: Dict[Derivation, int] = {}
         for node in in_order([derivation]):
             way: Tuple[object, ...] = id(node.function), *(numbers[each] for each in node.inputs)
+            self._functions[id(node.function)] = node.function
             if node.source is not None:
                 way = node.source.service.name, node.property
             numbers[node] = self._numbers.setdefault(way, len(self._numbers))

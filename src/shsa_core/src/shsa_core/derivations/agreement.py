@@ -67,9 +67,8 @@ class _Witness:
         What is seen now may be widened by what shall be found, a sensor that drifts.
         """
         error, seen = self.followed.outputs[0].calibration.error, self.seen
-        enough = (
-            error is not None and (error.n or 0) * settings.SAMPLE_COUNTS_S >= settings.SETTLING_S
-        )
+        apart = settings.ERRORS_APART * settings.SAMPLE_S
+        enough = error is not None and (error.n or 0) * apart >= settings.SETTLING_S
         if error is not None and enough and (not seen or seen[-1][1] is not error):
             seen.append((time, error))
         while len(seen) > 1 and seen[1][0] <= time - 2 * settings.SETTLING_S:

@@ -23,6 +23,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.derivations import settings
 from shsa_core.derivations.evaluation import Derivations, FollowedPlan
+from shsa_core.derivations.fusions import Fusions
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
@@ -61,6 +62,8 @@ class Calibrations:
         self._wanted: Deque[_Wanted] = deque()
         self._replan_at = self._search_at = -inf
         self._kept: Set[Source] = set()  # of these it was said
+        self._fusions = Fusions(ontology, derivations)
+        self._turn = 0
 
     def watch(
         self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]
@@ -73,7 +76,8 @@ class Calibrations:
 
     def tick(self, time: float) -> List[Said]:
         """Look at what was learned, and search a plan."""
-        told = [each for each in self._derivations.refreshed() if each.substitutes]
+        refreshed = self._derivations.refreshed()
+        told = [each for each in refreshed if each.substitutes and self._fusions.tells(each)]
         said: List[Said] = [log for each in told for log in self._kept_back(each)]
         rows = {each.key: _row(each) for each in told if _has_moved(each)}
         if rows:
@@ -81,9 +85,21 @@ class Calibrations:
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
             self._plan()
+            said += self._fuse(time)
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S
             said += self._search(self._wanted.popleft())
+        return said
+
+    def _fuse(self, time: float) -> List[Said]:
+        """Look at what is fused of one service that is there, one after the other."""
+        said: List[Said] = []
+        self._turn += 1
+        for name in sorted(self._planned)[self._turn % max(1, len(self._planned)) :][:1]:
+            gone, proven = self._fusions.look(self._som.services[name])
+            said += [*_removed(gone), *(Log(Level.INFO, text) for text in proven)]
+            for followed in self._fusions.propose(self._som.services[name], time):
+                self._follow(followed, fused=True)
         return said
 
     def _plan(self) -> None:
@@ -146,10 +162,11 @@ class Calibrations:
                 plan.doubt()
         return _removed(gone)
 
-    def _follow(self, followed: FollowedPlan) -> None:
+    def _follow(self, followed: FollowedPlan, fused: bool = False) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
         now = [each for each in self._derivations.plans() if each.substitutes]
-        enough = sum(each.plan.service == followed.plan.service for each in now) == settings.PLANS
+        others = sum(each.plan.service == followed.plan.service for each in now)
+        enough = not fused and others >= settings.PLANS
         rate = sum(each.rate for each in now) + followed.rate
         told = [
             each

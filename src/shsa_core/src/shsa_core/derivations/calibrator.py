@@ -11,7 +11,7 @@ only while an independent derivation confirms it: else it may be the sensor that
 """
 from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
-from typing import Deque, List, Optional, Tuple
+from typing import Deque, Dict, List, Optional, Tuple
 
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
@@ -40,7 +40,7 @@ class Calibrator:
         self._gain = _Limited()
         self._shift = _Limited()  # calibrated minus derived, at a fixed derived value
         self._at = 0.0
-        self._errors: Deque[Tuple[float, float]] = deque(maxlen=settings.ERRORS)
+        self._errors: Deque[Tuple[float, float, float]] = deque(maxlen=settings.ERRORS)
         self._noted: Optional[float] = None
         self._whole = True
 
@@ -69,11 +69,16 @@ class Calibrator:
         """
         if len(self._errors) < settings.FEWEST_ERRORS:
             return UNCALIBRATED
-        calibrated = _error([each for each, _ in self._errors])
-        plain = _error([each for _, each in self._errors])
-        if calibrated.rms < plain.rms and not self._whole:
-            return Calibration(*self._applied, calibrated)
-        return Calibration(error=plain)
+        calibrated = [each for _, each, _ in self._errors]
+        plain = [each for *_, each in self._errors]
+        if _rms(calibrated) < _rms(plain) and not self._whole:
+            return Calibration(*self._applied, _error(calibrated))
+        return Calibration(error=_error(plain))
+
+    @property
+    def errors(self) -> Dict[float, float]:
+        """Return by what it erred lately, by the number of the turn."""
+        return {turn: error for turn, error, _ in self._errors}
 
     def aged(self, time: float) -> float:
         """Return the variance that has come since it was learned."""
@@ -127,31 +132,36 @@ class Calibrator:
         shift = self._mean_residual + self._gain.value * (self._at - self._mean_derived)
         if not self._shift.settled and self._is_as_stated:
             shift = 0.0
+        learned = self._shift.settled
         self._shift.follow(shift, passed, passed, self._step, self.confirmed)
         self.pull = shift - self._shift.value
+        if self._shift.settled and not learned:  # by what it erred while it learned is left out
+            for _ in range(len(self._errors) // 2):
+                self._errors.popleft()
 
     @property
     def _is_as_stated(self) -> bool:
         """The relation is about as good as it is known to be: what is learned may be a drift."""
-        plain = [each for _, each in self._errors]
-        return bool(plain) and _error(plain).rms <= settings.AS_STATED * self._stated
+        plain = [each for *_, each in self._errors]
+        return bool(plain) and _rms(plain) <= settings.AS_STATED * self._stated
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
         known = self._shift.seen >= settings.GUARD_S
-        if known and (self._noted is None or time - self._noted >= settings.SAMPLE_COUNTS_S):
-            self._noted = time
+        turn = time // (settings.ERRORS_APART * settings.SAMPLE_S)  # the same for all
+        if known and turn != self._noted:
+            self._noted = turn
             gain, offset = self._applied
             plain = -remainder(residual, tau) if self._angle else -residual
-            self._errors.append(((gain - 1.0) * derived + offset - residual, plain))
+            self._errors.append((turn, (gain - 1.0) * derived + offset - residual, plain))
 
     @property
     def _step(self) -> float:
         """The rms error of the relation: as stated, or as it is seen, whichever is larger."""
         if self._shift.settled:
             return self._shift.step
-        late = [each for each, _ in self._errors][len(self._errors) // 2 :]
-        return max(self._stated, _error(late or [0.0]).rms)
+        late = [each for _, each, _ in self._errors][len(self._errors) // 2 :]
+        return max(self._stated, _rms(late or [0.0]))
 
 
 class _Slope:
@@ -211,9 +221,12 @@ class _Limited:
             self.value += min(max(wanted - self.value, -most), most)
 
 
+def _rms(values: List[float]) -> float:
+    return sqrt(sum(value * value for value in values) / len(values))
+
+
 def _error(values: List[float]) -> Error:
     """The error that samples of it tell."""
-    count = len(values)
-    sizes = sorted(abs(value) for value in values)
-    rms = sqrt(sum(value * value for value in values) / count)
-    return Error(rms, sum(values) / count, sizes[ceil(0.95 * count) - 1], n=count, source=SOURCE)
+    count, sizes = len(values), sorted(abs(value) for value in values)
+    p95 = sizes[ceil(0.95 * count) - 1]
+    return Error(_rms(values), sum(values) / count, p95, n=count, source=SOURCE)

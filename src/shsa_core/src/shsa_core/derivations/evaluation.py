@@ -21,7 +21,7 @@ from shsa_core.derivations import settings
 from shsa_core.derivations.calibrator import Calibrator
 
 
-@dataclass
+@dataclass(eq=False)
 class Output:
     """A value that a program derives. `stated`: the error that it is expected to have.
 

@@ -4,7 +4,7 @@
 SAMPLE_S = 0.2
 """Between two comparisons, and two counts of slow nodes: those in between tell nothing new."""
 SAMPLE_COUNTS_S = 1.0
-"""A sample tells of the time since the one before, up to this; errors are noted so far apart."""
+"""A sample tells of the time since the one before, up to this."""
 MEMORY_S = 200.0
 """Samples that are older count less than 1/e."""
 LARGEST = 1e100
@@ -27,7 +27,9 @@ AS_STATED = 1.5
 """Times the stated error: a relation that has no more is not calibrated before it settles."""
 SAME_PULL = 0.5
 """Two derivations are pulled the same way by a sensor that drifts: one at least half as much."""
-ERRORS, FEWEST_ERRORS = 300, 5
+ERRORS_APART = 2
+"""Samples, SAMPLE_S each, between two errors that are noted: fewer would miss short transients."""
+ERRORS, FEWEST_ERRORS = 750, 12
 """An error is that of so many samples at most, and not known before there were a few."""
 
 # Which plans are calibrated, and what is told of them.
@@ -42,6 +44,16 @@ REFRESH_S = 2.0
 which services are there."""
 TOLD_SHARE = 0.1
 """A calibration is told anew if it moves its values by this share of their rms error."""
+
+# Fusion.
+FUSED = 300
+"""Errors at the same moments, of 120 s, tell shares; and so many later ones judge them."""
+FUSED_GAIN = 0.95
+"""A fusion must err no more than this times the best of its parts."""
+FUSED_BLOCKS = 5
+"""Of the time in which it is judged: in each it must be no worse than the best part."""
+SHRINKAGE, LEAST_SHARE = 0.9, 0.1
+"""So much of the covariance of two errors counts, as few tell it; and the smallest share."""
 
 # Witnesses.
 WITNESS_LOOKS = 10

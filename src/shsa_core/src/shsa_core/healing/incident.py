@@ -33,6 +33,7 @@ class Trigger(Word):
     SILENT = "silent while its program changes"
     LATE = "first message is late"
     NO_VALUE = "its law does not hold"
+    OUTGROWN = "another plan errs clearly less by now"
     RETURNED = "its node is back"
     STEADY = "healthy for the hold-off"
     RETRY = "a pause is over"

@@ -386,7 +386,7 @@ class Reconfigurator:
         counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
         self.robot.planner.replan()
         names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
-        return self._core.ask_all(names, lambda each: [])
+        return self._core.ask_all(names, lambda each: each.outgrown())
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; what follows it follows the new one."""

@@ -3,6 +3,7 @@
 Each computer starts and ends processes as it is told here, and ends by itself those of ours that
 nothing wants, as after a cut.
 """
+from contextlib import suppress
 from itertools import count
 from typing import Collection, Dict, FrozenSet, List, Optional, Set, Tuple
 
@@ -11,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, LOOKED_AT, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
@@ -329,6 +330,22 @@ class Substitute:
             return self._robot.planner.plan(service, excluded, tried)
         except ShsaError:
             return None
+
+    def better(self, service: Service, faulty: str) -> Optional[Plan]:
+        """Return a plan that errs clearly less by now than the one followed; None: there is none.
+
+        The error of what runs grows where another derivation contradicts it.
+        """
+        planner, plan, found = self._robot.planner, self.plan, None
+        if plan is None or not planner.errs_more(plan):
+            return None
+        tried, excluded = self.tried | {plan}, self._robot.health.doomed | {faulty}
+        with suppress(ShsaError):
+            for _ in range(LOOKED_AT):
+                another = planner.plan(service, excluded, tried)
+                found = another if planner.errs_more(found or plan, another) else found
+                tried |= {another}
+        return found
 
     def use(
         self,

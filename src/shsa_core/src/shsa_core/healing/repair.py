@@ -160,6 +160,16 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     return [*substitute.use(spec, another), said]
 
 
+def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
+    """Follow a plan that errs clearly less by now, as another derivation contradicts this one."""
+    substitute = service.substitute
+    another = substitute.better(service.spec, service.incident.faulty_node)
+    assert another is not None and substitute.plan is not None
+    substitute.tried |= {substitute.plan}
+    text = "the substitute is contradicted: its error has grown. The next best takes its place."
+    return [Log(Level.WARN, f"{service.spec.topic}: {text}"), *follow(service, another)]
+
+
 def retry(service: ServiceMachine, _: Failure) -> List[Command]:
     """Try again, also the plans that were tried in vain."""
     service.substitute.forget()
@@ -414,6 +424,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
+    yield healed, Trigger.OUTGROWN, give_way, (healed,)
     for state in (healing, healed, safe):
         yield state, Trigger.SUBSTITUTE_FAILED, heal, _STUCK_OR_HEALING
 

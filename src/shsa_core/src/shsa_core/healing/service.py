@@ -349,6 +349,12 @@ class ServiceMachine:
         kept = self.accusation.kept and state is not State.RETURNING
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
+    def outgrown(self) -> List[Command]:
+        """Change the plan of a substitute if another one errs clearly less by now."""
+        healed, faulty = self.state is State.HEALED, self.incident.faulty_node
+        better = self.substitute.better(self.spec, faulty) if healed else None
+        return [] if better is None else self.fire(Trigger.OUTGROWN)
+
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
         commands: List[Command] = []

@@ -1,13 +1,17 @@
-"""The value of a field in a message, whatever class the message is of: a number of many, an angle.
+"""The value of a field in a message, read and written: also one number of many, or an angle.
 
 Angles are roll, pitch and yaw in rad about fixed axes, x, then y, then z (REP 103). Formulas:
 J. Diebel, Representing Attitude: Euler Angles, Unit Quaternions, and Rotation Vectors (2006), the
 sequence (1, 2, 3), with the quaternion of the rotation from the body to the world.
 """
+from functools import lru_cache
 from math import asin, atan2, copysign, cos, fsum, hypot, isfinite, nan, pi, sin
-from typing import Any, Callable, Dict, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
-from shsa_core.model.field import ANGLES, FieldText, Index, Named, Selector, Span
+from shsa_core import message_types
+from shsa_core.errors import ShsaError
+from shsa_core.model.field import ANGLES, FieldText, Index, Named, Selector, Span, Step, parse_field
+from shsa_core.model.field_type import FLOATS, field_type
 
 SHORTEST = 1e-6
 """A shorter quaternion stands for none."""
@@ -21,18 +25,9 @@ def field_value(message: Any, field: FieldText) -> Optional[float]:
     """
     value = message
     for step in field.steps:
-        owner, value, part = value, getattr(value, step.name), step.part
-        if isinstance(part, Index):
-            if part.place >= len(value):
-                return nan
-            value = value[part.place]
-        elif isinstance(part, Named):
-            place = place_of(owner, part)
-            if place is None or place >= len(value):
-                return None
-            value = value[place]
-        elif isinstance(part, Span):
-            value = value[part.start : part.stop]
+        value = _entered(value, step)
+        if value is None:
+            return None if isinstance(step.part, Named) else nan
     if not field.function:
         return float(value)
     if field.function in ANGLES:
@@ -40,7 +35,18 @@ def field_value(message: Any, field: FieldText) -> Optional[float]:
     return REDUCE[field.function](value)
 
 
-def place_of(owner: Any, part: Selector) -> Optional[int]:
+def _entered(owner: Any, step: Step) -> Any:
+    """Return what a step leads to; None: there is no such element."""
+    found, part = getattr(owner, step.name), step.part
+    if part is None:
+        return found
+    if isinstance(part, Span):
+        return found[part.start : part.stop]
+    place = _place_of(owner, part)
+    return None if place is None or place >= len(found) else found[place]
+
+
+def _place_of(owner: Any, part: Selector) -> Optional[int]:
     """Return the place of an element in its array; None where its name is not there."""
     if isinstance(part, Named):
         names = getattr(owner, part.names)
@@ -108,3 +114,105 @@ def quaternion(roll: float, pitch: float, yaw: float) -> Tuple[float, float, flo
         cr * cp * sy - sr * sp * cy,
         cr * cp * cy + sr * sp * sy,
     )
+
+
+class Field:
+    """One number in a message type, as `twist.twist.linear.x`; see shsa_core.model.field.
+
+    `writable`: whether a value can be written to it. Raises ShsaError if the type has no such
+    field, or if it is not a number.
+    """
+
+    def __init__(self, message_class: Any, text: str) -> None:
+        def layout(name: str) -> Mapping[str, str]:
+            if name == message_class._type:
+                return message_types.layout_of(message_class)
+            return message_types.layout(name)
+
+        self._parsed = parse_field(text)
+        self._type = field_type(message_class._type, text, layout)
+        self.writable = self._type.writable
+
+    def get(self, message: Any) -> Optional[float]:
+        """Return the field's value; see `field_value`."""
+        return field_value(message, self._parsed)
+
+    def set(self, message: Any, value: float) -> None:
+        """Write the field; a whole number is rounded to.
+
+        What is named by its name and not there yet is added to the message. Raises ShsaError if the
+        value does not fit, or if an array has no such element.
+        """
+        if not self.writable:
+            raise ShsaError(f"{self._parsed} is read-only")
+        owner = message
+        *before, last = self._parsed.steps
+        for step in before:
+            owner = self._inner(owner, step)
+        if self._parsed.function:
+            self._turn(self._inner(owner, last), value)
+            return
+        plain = self._type.fit(value)
+        if last.part is None:
+            setattr(owner, last.name, plain)
+        else:
+            self._put(owner, last, plain)
+
+    def _inner(self, owner: Any, step: Step) -> Any:
+        """Return the message that a step leads to; it must be there."""
+        found = _entered(owner, step)
+        if found is None:
+            raise ShsaError(f"{self._parsed}: the message has no {step}, and no other one is known")
+        return found
+
+    def _turn(self, rotation: Any, angle: float) -> None:
+        """Set one angle of a rotation; the other two stay."""
+        q = rotation
+        turned = [each if each == each else 0.0 for each in angles(q.x, q.y, q.z, q.w)]
+        turned[ANGLES.index(self._parsed.function)] = angle
+        for name, each in zip("xyzw", quaternion(*turned)):
+            setattr(rotation, name, each)
+
+    def _put(self, owner: Any, step: Step, value: float) -> None:
+        """Set an element of an array; one that is named and not there is added, and its name."""
+        place = _place_of(owner, step.part)
+        if place is None and isinstance(step.part, Named):
+            place = _add_name(owner, step.part)
+        array = list(getattr(owner, step.name))
+        if isinstance(step.part, Named) and self._type.kind in FLOATS:
+            # What is beside it in the array is not known; only such numbers can say so.
+            array += [nan] * ((place or 0) - len(array))
+        if place is None or place > len(array):
+            raise ShsaError(
+                f"{self._parsed}: the array has {len(array)} elements, and no message that has "
+                "more is known"
+            )
+        array[place : place + 1] = [value]
+        setattr(owner, step.name, array)
+
+
+@lru_cache(maxsize=None)
+def problem(message_type: str, text: str, written: bool) -> str:
+    """Why a field cannot be read, or written, on this computer; empty if it can.
+
+    Whoever has asked once knows the answer at a takeover.
+    """
+    try:
+        field = Field(message_types.message_class(message_type), text)
+    except ShsaError as error:
+        return str(error)
+    return f"{text} is read-only" if written and not field.writable else ""
+
+
+def _add_name(owner: Any, key: Named) -> int:
+    """Add a name to its array; its place. What the arrays beside it have there is not known."""
+    names = list(getattr(owner, key.names))
+    for name, kind in message_types.layout_of(owner).items():
+        array = getattr(owner, name)
+        if not kind.endswith("[]") or name == key.names or not names or len(array) != len(names):
+            continue
+        if kind[:-2] not in FLOATS:
+            raise ShsaError(f"{key.name} cannot be added: {name} has no mark for what is not known")
+        setattr(owner, name, [*array, nan])
+    setattr(owner, key.names, [*names, key.name])
+    return len(names)

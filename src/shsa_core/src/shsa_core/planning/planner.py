@@ -2,7 +2,7 @@
 from dataclasses import replace
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.choice import MARGIN
+from shsa_core.codegen.fusion import fusions_of
 from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
@@ -15,7 +15,7 @@ from shsa_core.model.service import Deadlines, Service, Signal, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
 from shsa_core.planning.plan_table import PlanTable
-from shsa_core.planning.settings import ENOUGH, RECALLED, STEPS
+from shsa_core.planning.settings import CHANGED, ENOUGH, RECALLED, STEPS
 
 Calibrated = Tuple[Calibration, ...]
 
@@ -71,15 +71,26 @@ class Calibrations:
             if error is None or (error.n or 0) < ENOUGH:
                 continue
             former = measured.get(way)
-            if former is None or abs(error.rms - former.rms) > MARGIN * former.rms:
+            if former is None or abs(error.rms - former.rms) > CHANGED * former.rms:
                 measured[way] = error
                 self.replan.add(row.service)
+
+    def programs(self, service: str) -> Tuple[Program, ...]:
+        """Return the programs of a service that are calibrated."""
+        return tuple(self._known.get(service, ()))
+
+    def knowing(self, service: str, predictor: Predictor) -> Predictor:
+        """Return a predictor with what was measured of a service: errors, and proven fusions."""
+        fusions = [each for program in self.programs(service) for each in fusions_of(program)]
+        return predictor.knowing(self.measured.get(service, {}), fusions)
 
     def leave(self, service: str, program: Program) -> None:
         """The monitor follows a program no more."""
         self._known.get(service, {}).pop(program, None)
         for way in ways_of(program):
             self.measured.get(service, {}).pop(way, None)
+        if fusions_of(program):
+            self.replan.add(service)
 
     def recall(self, service: str, program: Program, outputs: Sequence[Signal]) -> None:
         """Note how a former reconfigurator has calibrated a program."""
@@ -95,6 +106,14 @@ class Calibrations:
         self._known.pop(service, None)
         self._later.pop(service, None)
         self.measured.pop(service, None)
+
+
+def _clearly_less(found: Calibrated, than: Calibrated) -> bool:
+    """Tell that no value errs more, and one clearly less, by what the monitor tells."""
+    errors = [(one.error, other.error) for one, other in zip(found, than)]
+    known = [(one.rms, other.rms) for one, other in errors if one and other]
+    less = any(one < (1.0 - CHANGED) * other for one, other in known)
+    return less and len(known) == len(than) and all(one <= other for one, other in known)
 
 
 def _samples(calibrations: Calibrated) -> int:
@@ -142,8 +161,8 @@ class Planner:
 
     def predictor_of(self, service: str) -> Optional[Predictor]:
         """Return who predicts errors of a service's values: those that were measured come first."""
-        found, measured = self.predictor, self.calibrations.measured.get(service)
-        return found.knowing(measured) if found is not None and measured else found
+        found = self.predictor
+        return found and self.calibrations.knowing(service, found)
 
     def replan(self) -> None:
         """Plan ahead anew where another plan may be best by what was measured."""
@@ -256,6 +275,13 @@ class Planner:
     def errors(self, plan: Plan) -> Tuple[Optional[Error], ...]:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
         return tuple(signal.error for signal in self.outputs(plan))
+
+    def errs_more(self, plan: Plan, another: Optional[Plan] = None) -> bool:
+        """Tell that a plan errs clearly more by now than another; None: than any calibrated one."""
+        known, service, own = self.calibrations, plan.service, plan.program
+        others = [another.program] if another else known.programs(service)
+        same = [known.of(service, other) for other in others if other.outputs == own.outputs]
+        return any(_clearly_less(each, known.of(service, own)) for each in same)
 
     def signals(self, sources: Tuple[Source, ...], written: bool = False) -> Tuple[Signal, ...]:
         """Return them as the SOM says now: a period may have changed since the plan was made."""

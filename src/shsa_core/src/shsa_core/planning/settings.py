@@ -8,7 +8,8 @@ STRAINED = 0.9  # of its cores busy: more makes well nodes slow
 
 STEPS = 10_000  # functions that are looked at while something has failed
 RECALLED = 20  # plans, best first, among which one of a former reconfigurator is looked for
-ENOUGH = 60  # samples until a new monitor knows more of a calibration than the one before
+CHANGED = 0.2  # by this share an error is another one: plans are not to change all the time
+ENOUGH = 100  # samples, 40 s, until a new monitor knows more of a calibration than the one before
 
 # Processes.
 START_S = 5.0  # that a process may take to come up, and to its first message

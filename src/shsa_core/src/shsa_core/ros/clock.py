@@ -1,7 +1,7 @@
 """Two clocks: decisions use the monotonic one, messages carry ROS time."""
 import threading
 import time
-from typing import NamedTuple, Optional, Tuple
+from typing import Optional, Tuple
 
 import rospy
 
@@ -32,8 +32,13 @@ def both() -> Tuple[float, float]:
     return moment, ros
 
 
-def offset() -> float:
-    """Return by how many s ROS time is ahead of the monotonic clock."""
+def offset(told: rospy.Time = rospy.Time(), sent_here: int = 0) -> float:
+    """Return by how many s ROS time is ahead of our monotonic clock, at who sent a message.
+
+    That was `told` by the clock there, and `sent_here` by ours in ns; 0: our ROS time counts.
+    """
+    if sent_here and not told.is_zero():
+        return float(told.to_sec()) - sent_here / 1e9
     moment, ros = both()
     return ros - moment
 
@@ -68,34 +73,12 @@ def to_stamp(moment: Optional[float], ahead: Optional[float] = None) -> rospy.Ti
     return rospy.Time.from_sec(max(0.0, moment + (offset() if ahead is None else ahead)))
 
 
-class SenderClock(NamedTuple):
-    """The wall clock of a message's sender, which may be anywhere.
+def to_moment(stamp: rospy.Time, ahead: float) -> Optional[float]:
+    """Return the monotonic moment of a stamp by a clock that is so far ahead; None for zero.
 
-    That clock showed `ros` s when ours showed `moment` s.
+    What is stamped ahead of now would count for good: it has happened by now.
     """
-
-    ros: float
-    moment: float
-
-    def at(self, stamp: rospy.Time) -> Optional[float]:
-        """Return the moment of a stamp on our monotonic clock in s; None for zero.
-
-        What is stamped ahead of now would count for good: it has happened by now.
-        """
-        if stamp.is_zero():
-            return None
-        return min(now(), self.moment - (self.ros - stamp.to_sec()))
-
-
-def sender_clock(told: rospy.Time, sent_here: int) -> SenderClock:
-    """Return the clock of who sent a message at `told` by that clock.
-
-    `sent_here`: by our monotonic clock in ns; 0: not known, and the sender's clock counts as ours.
-    """
-    if sent_here and not told.is_zero():
-        return SenderClock(told.to_sec(), sent_here / 1e9)
-    moment, ros = both()
-    return SenderClock(ros, moment)
+    return None if stamp.is_zero() else min(now(), stamp.to_sec() - ahead)
 
 
 def ros_ns() -> int:

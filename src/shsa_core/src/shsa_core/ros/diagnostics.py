@@ -14,32 +14,26 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
+from shsa_core.hosts.conversation import HostState
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.service import Service
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import CLOCK_JUMP_S
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.all_hosts import HostState
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.trust.computers import Met
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.text import shown
+from shsa_core.trust.computers import Met
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
 """Keys of a service's row: late messages filled in for, duties, what live parameters allow."""
 MAINTENANCE = "maintenance"
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-CONDITIONS = {
-    Condition.HEALTHY: OK,
-    Condition.DOUBTFUL: WARN,
-    Condition.DISTURBED: WARN,
-    Condition.SUBSTITUTED: WARN,
-    Condition.STARTING: WARN,
-    Condition.LOST: ERROR,
-}
+CONDITIONS = {Condition.HEALTHY: OK, Condition.LOST: ERROR}
+"""In any other condition a service is to be watched."""
 HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEALED: WARN}
 """In any other state the service is not healed."""
 
@@ -155,7 +149,7 @@ class MonitorRows:
             told.append(("deadline", health.deadline))
         if health.bridged:
             told.append((BRIDGED, str(health.bridged)))
-        text, level = health.detail, CONDITIONS[health.condition]
+        text, level = health.detail, CONDITIONS.get(health.condition, WARN)
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"
         if health.service.weakened:
@@ -166,11 +160,7 @@ class MonitorRows:
     def _publisher(
         self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
     ) -> str:
-        told = [f"{row.state}"]
-        if row.kind is not None:
-            told.append(f"{row.kind}, {row.detail}")
-        elif row.detail:
-            told.append(row.detail)
+        told = [str(each) for each in (row.state, row.kind, row.detail) if each]
         if elapsed and row.key in self._counts:
             told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
         if row.last_good is not None:

@@ -6,7 +6,7 @@ from shsa_msgs import msg
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.kinds import Kind
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 
 
@@ -19,10 +19,7 @@ class FailurePublisher:
     """
 
     def __init__(self, secret: str = "") -> None:
-        self._sign = Signing(secret).signer(names.FAILURES, msg.Failure)
-        self._publisher = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=100, tcp_nodelay=True
-        )
+        self._publisher = SignedPublisher(Signing(secret), names.FAILURES, msg.Failure)
 
     def publish(
         self,
@@ -42,7 +39,7 @@ class FailurePublisher:
         failure = msg.Failure(topic=topic, publisher=publisher, kind=str(kind), detail=detail)
         failure.header.stamp = rospy.Time.now()
         failure.last_good = last_good or rospy.Time()
-        self._publisher.publish(self._sign(failure))
+        self._publisher.publish(failure)
 
     def get_num_connections(self) -> int:
         """Return how many reconfigurators, and others, listen."""

@@ -12,7 +12,7 @@ from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
 from shsa_core.ros.node import Greeter, Tell
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 
@@ -41,10 +41,8 @@ class Incidents:
         self._fails = False
         self._open: Dict[str, Incident] = {}
         self._changed = threading.Condition()
-        self._sign = signing.signer(names.INCIDENTS, msg.Incident)
-        self._publisher = rospy.Publisher(
-            names.INCIDENTS, msg.Incident, Greeter(self._tell_open), queue_size=100
-        )
+        greeter = Greeter(self._tell_open)
+        self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, greeter)
 
     def show(self, incident: Incident) -> None:
         """Publish a step of an incident."""
@@ -53,14 +51,14 @@ class Incidents:
             if incident.state is State.ENDED:
                 del self._open[incident.service]
             self._changed.notify_all()
-            self._publisher.publish(self._sign(wire.incident(incident)))
+            self._publisher.publish(wire.incident(incident))
         if incident.state is State.ENDED:
             self._log(incident)
 
     def _tell_open(self, _: str, tell: Tell) -> None:
         with self._changed:
             for incident in self._open.values():
-                tell(self._sign(wire.incident(incident)))
+                tell(self._publisher.signed(wire.incident(incident)))
 
     def open(self) -> Dict[str, Incident]:
         """Return the incidents that have not ended, by service."""

@@ -38,9 +38,10 @@ from shsa_core.ros.processes.launch import Launch, Launches, await_turn
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import filled
 from shsa_core.ros.workers import Workers
 
 
@@ -68,12 +69,9 @@ class MonitorNode:
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
         self._reader = Reader()
         self._last_messages = LastMessages()
-        self._sign = signing.signer(names.FAILURES, msg.Failure)
         self._parameters = Workers("parameters")
         self._changes: Dict[Key, Optional[PublisherHealth]] = {}
-        self._failures = rospy.Publisher(
-            names.FAILURES, msg.Failure, queue_size=1000, tcp_nodelay=True
-        )
+        self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
         health, calibrations = (
             names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
         )
@@ -209,7 +207,7 @@ class MonitorNode:
     def _tell_changes(self) -> None:
         """Publish what has changed in the table of health."""
         changes, self._changes = self._changes, {}
-        rows = [wire.health_row(row) for row in changes.values() if row is not None]
+        rows = [filled(msg.PublisherHealth, row) for row in changes.values() if row is not None]
         removed = [wire.health_key(key) for key, row in changes.items() if row is None]
         self._health.update(rows, removed)
 
@@ -221,7 +219,7 @@ class MonitorNode:
         if failed:
             self._tell_changes()
         for row in failed:
-            self._failures.publish(self._sign(wire.failure_message(row)))
+            self._failures.publish(wire.failure_message(row))
 
     def _tell_calibrations(self, change: events.CalibrationsChanged) -> None:
         rows = map(wire.calibration_row, change.rows)

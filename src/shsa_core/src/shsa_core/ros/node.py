@@ -17,6 +17,7 @@ from shsa_core.ros.processes.priority import SWITCH_INTERVAL_S
 from shsa_core.ros.rospy_patches.inbound import serve_each_by_itself
 from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout, say_failures_once
 from shsa_core.ros.rospy_patches.standing import heed_launch, keep_rospys_threads
+from shsa_core.ros.rospy_patches.subscribing import ask_in_time
 from shsa_core.ros.trust.owners import speaker
 from shsa_core.text import LONGEST_LINE, shown
 
@@ -46,6 +47,7 @@ def run(name: str, work: Callable[[], None]) -> None:
     say_failures_once()
     keep_rospys_threads()
     serve_each_by_itself(speaker)
+    ask_in_time()
     heed_launch()
     rospy.init_node(name)
     _log_plainly()

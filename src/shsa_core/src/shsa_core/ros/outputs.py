@@ -8,11 +8,12 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
+from shsa_core.model.field_value import Field
 from shsa_core.ros import clock, settings
-from shsa_core.ros.messages.composing import compose, normalize, quaternions, read_message
-from shsa_core.ros.messages.fields import Field
+from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
+from shsa_core.substitution.composing import compose, normalize, quaternions
 from shsa_core.substitution.events import Compose, Publish
 
 
@@ -71,8 +72,8 @@ class Outputs:
         return [] if publisher is None else connections_of(publisher)
 
     def connected(self, topic: str) -> FrozenSet[str]:
-        """Return the consumers that are connected to a topic."""
-        return frozenset(each.endpoint_id for each in self._connections(topic))
+        """Return the consumers that are connected to a topic, and this node, which need not be."""
+        return frozenset((rospy.get_name(), *(c.endpoint_id for c in self._connections(topic))))
 
     def compose(self, command: Compose) -> None:
         """Have the messages of a topic start from its last good one, as far as it can be read."""

@@ -16,7 +16,9 @@ from shsa_msgs import msg
 from shsa_core import dispatch
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.check import refuse_invalid
+from shsa_core.analysis.registrations import Part
 from shsa_core.analysis.schedulability import check_placements
+from shsa_core.analysis.type_check import Problem, mark_unusable
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som
@@ -26,6 +28,7 @@ from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.hosts.commands import HostCommand
 from shsa_core.journal.record_file import RecordFile
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
@@ -37,16 +40,13 @@ from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.master_watch import MasterWatch, State
-from shsa_core.ros.master.registrations import Part
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.messages.fields import Problem, mark_unusable
 from shsa_core.ros.workers import Workers
 from shsa_core.ros.agent.all_hosts import AllHosts
-from shsa_core.ros.processes.host import HostCommand
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
@@ -70,6 +70,7 @@ class ReconfiguratorNode:
     def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
+        self._reloading = threading.Lock()
         self._said: List[Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
@@ -156,7 +157,8 @@ class ReconfiguratorNode:
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, som, self._hosts.take_up())
         self._records = heritage.file
-        self._heed_maintenance()
+        if maintained(rospy.get_namespace()):  # known before anything is started
+            self._heed_maintenance()
         self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
         self._substitutions.open()
         self._som_state.open()
@@ -222,14 +224,18 @@ class ReconfiguratorNode:
             rospy.logwarn("Healing only advises. It acts by `act: true` in %s.", self._files.som)
 
     def reload(self) -> str:
-        """Read ontology and SOM again; what was read. Raises ModelError, with every error."""
-        ontology, som = read_models(self._files.ontology, self._files.som)
-        self._som_watch.replace(som)
-        self._listen(som)
-        self._hear_monitors(som)
-        put_som(som)
-        self._may_act(som)
-        self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
+        """Read ontology and SOM again; what was read. Raises ModelError, with every error.
+
+        From any thread but that of the events: it waits for the master.
+        """
+        with self._reloading:
+            ontology, som = read_models(self._files.ontology, self._files.som)
+            self._som_watch.replace(som)
+            self._listen(som)
+            self._hear_monitors(som)
+            put_som(som)
+            self._may_act(som)
+            self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
 
@@ -343,20 +349,21 @@ class ReconfiguratorNode:
         except OSError:  # nothing was added
             self._added = 0.0
         if before != self._added:
-            try:
-                rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
-            except ShsaError as error:
-                rospy.logerr("Refused: %s", error)
+            self._commands.put(self._reload_added)
+
+    def _reload_added(self) -> None:
+        try:
+            rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
+        except ShsaError as error:
+            rospy.logerr("Refused: %s", error)
 
     def _maintain(self, on: bool) -> None:
         maintain(rospy.get_namespace(), on)
         self._heed_maintenance()
 
     def _heed_maintenance(self) -> None:
-        """Maintain the robot while the file says so."""
-        on = maintained(rospy.get_namespace())
-        if on is not self._core.robot.maintained:
-            self._decide(events.MaintenanceSet(clock.now(), on))
+        """Tell whether the robot is maintained, as the file says it."""
+        self._decide(events.MaintenanceSet(clock.now(), maintained(rospy.get_namespace())))
 
     def _report(self) -> None:
         self._heed_added()

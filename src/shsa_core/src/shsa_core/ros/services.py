@@ -109,41 +109,38 @@ class Services:
         except ShsaError as error:
             return srv.FindSubstituteResponse(found=False, detail=str(error))
 
-    def _asked_to_act(self, name: str) -> Service:
-        """Return the same if it may be asked for. Raises ShsaError."""
+    def _acted(self, response: Any, act: Callable[[], str]) -> Any:
+        """Return the response to a call that changes something: what was done, or why not."""
         if not self._operator:
-            raise ShsaError(NO_OPERATOR)
-        return self._needed(name)
+            return response(False, NO_OPERATOR)
+        try:
+            return response(True, act())
+        except ShsaError as error:
+            return response(False, str(error))
 
     def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
-        try:
-            service = self._asked_to_act(request.topic)
-        except ShsaError as error:
-            return srv.ReleaseResponse(success=False, detail=str(error))
-        self._put(events.Released(clock.now(), service.name))
-        text = f"whatever publishes {service.topic} may return"
-        return srv.ReleaseResponse(success=True, detail=text)
+        def release() -> str:
+            service = self._needed(request.topic)
+            self._put(events.Released(clock.now(), service.name))
+            return f"whatever publishes {service.topic} may return"
+
+        return self._acted(srv.ReleaseResponse, release)
 
     def _reload_models(self, _: srv.ReloadRequest) -> srv.ReloadResponse:
-        if not self._operator:
-            return srv.ReloadResponse(False, NO_OPERATOR)
-        try:
-            return srv.ReloadResponse(True, self._reload())
-        except ShsaError as error:
-            return srv.ReloadResponse(False, f"nothing was changed: {error}")
+        return self._acted(srv.ReloadResponse, self._reload)
 
     def _set_maintenance(self, request: SetBoolRequest) -> SetBoolResponse:
-        if not self._operator:
-            return SetBoolResponse(False, NO_OPERATOR)
-        try:
+        def maintain() -> str:
             self._ask(lambda: self._maintain(request.data))
-        except ShsaError as error:
-            return SetBoolResponse(False, str(error))
-        return SetBoolResponse(True, f"maintenance is {'on' if request.data else 'off'}")
+            return f"maintenance is {'on' if request.data else 'off'}"
+
+        return self._acted(SetBoolResponse, maintain)
 
     def _substitute(self, goal: msg.SubstituteGoal) -> None:
         try:
-            service = self._asked_to_act(goal.topic)
+            if not self._operator:
+                raise ShsaError(NO_OPERATOR)
+            service = self._needed(goal.topic)
             if self._core.robot.maintained:
                 raise ShsaError("refused: maintenance is on, and nothing is started")
         except ShsaError as error:

@@ -13,20 +13,20 @@ from shsa_msgs import msg
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
+from shsa_core.model.field_value import Field, problem
 from shsa_core.model.substitution import Substitution, row_key
 from shsa_core.ros import clock, settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.master import announce
 from shsa_core.ros.master.node_api import FAILURES, Originals
-from shsa_core.ros.messages.composing import read_message
-from shsa_core.ros.messages.fields import Field, problem
+from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, recorded, run
 from shsa_core.ros.outputs import Outputs
 from shsa_core.ros.processes import priority
 from shsa_core.ros.processes.heartbeats import HOST, MONITOR, Heart, hearer
 from shsa_core.ros.trust import secret
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.workers import Workers
@@ -58,7 +58,7 @@ class SubstituteNode:
         machine_name = "sharing" if row.shared else "substitution"
         journal = os.environ.get(JOURNAL, "")
         self._answer, self._close = recorded(journal, machine_name, {}, self._core.handle)
-        self._inputs = Inputs(row.node, self._clock, rests)
+        self._inputs = Inputs(self._clock, rests)
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")
@@ -162,9 +162,8 @@ class SubstituteNode:
         self._inputs.put(event)
 
     def _failed(self, failure: msg.Failure) -> None:
-        if failure.kind == msg.Failure.NODE_GONE:
-            last = bytes(failure.last_message)
-            self._inputs.put(events.NodeGone(self._clock.now(), failure.topic, last))
+        told = failure.topic, failure.kind, bytes(failure.last_message)
+        self._inputs.put(events.FailureHeard(self._clock.now(), *told))
 
     # Commands.
 
@@ -179,9 +178,9 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        near = self._host or self._to_monitor.beat(at_once=True)
-        alone = not self._heart.beat(at_once=True) or not near
-        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
+        watched = None if self._host else self._to_monitor.beat(at_once=True)
+        healed = self._heart.beat(at_once=True)
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, healed, watched))
 
     def _look_at_healer(self, _: events.LookAtHealer) -> None:
         self._heart.beat(at_once=True)
@@ -251,9 +250,7 @@ class SubstituteNode:
     def _failures(self) -> Callable[[msg.Failure], None]:
         """Return what publishes its failures; made once, where it may wait for the master."""
         assert self._signing is not None
-        sign = self._signing.signer(names.FAILURES, msg.Failure)
-        publisher = rospy.Publisher(names.FAILURES, msg.Failure, queue_size=10)
-        return lambda failure: publisher.publish(sign(failure))
+        return SignedPublisher(self._signing, names.FAILURES, msg.Failure).publish
 
 
 class RowReader:

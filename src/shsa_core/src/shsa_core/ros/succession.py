@@ -10,6 +10,7 @@ from typing import Any, Collection, List, NamedTuple, Set, Tuple
 import rospkg
 import rospy
 
+from shsa_core.analysis.registrations import read_pairs
 from shsa_core.errors import ShsaError
 from shsa_core.files.trust import written_by_others
 from shsa_core.healing import events
@@ -20,7 +21,6 @@ from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.model.som import Som
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.master.registrations import read_pairs
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
 

@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 from typing import Dict, Iterable, List, Optional
 
+from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level, Log
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
@@ -27,12 +28,12 @@ class Alone:
     def __init__(self) -> None:
         self.idle: Optional[Substitution] = None
         self.look = math.inf  # when a look is due
-        self._gone: Dict[str, events.NodeGone] = {}  # by topic
+        self._gone: Dict[str, events.FailureHeard] = {}  # by topic
         self._taken: Optional[Substitution] = None
 
-    def gone(self, event: events.NodeGone, idle: Substitution) -> None:
-        """Note that the node of a topic is gone: the reconfigurator is looked at soon."""
-        if idle.idle and idle.bridge > 0.0:
+    def failed(self, event: events.FailureHeard, idle: Substitution) -> None:
+        """Note it if the node of a topic is gone: the reconfigurator is looked at soon."""
+        if event.kind == Kind.NODE_GONE and idle.idle and idle.bridge > 0.0:
             self._gone[event.topic] = event
             self.look = min(self.look, event.time + LISTENS * idle.bridge)
 

@@ -159,11 +159,16 @@ class LookAtOthers(Act):
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: whether the connection stands; `alone`: a healer is not there."""
+    """The answer to a look: whether the connection stands.
+
+    `healed`: our heartbeats are heard by the reconfigurator, or by the agent of our computer;
+    `watched`: by the monitor; None: that is on another computer, and cannot hear them.
+    """
 
     look: LookAtOthers
     stands: bool
-    alone: bool = False
+    healed: bool = True
+    watched: Optional[bool] = None
 
 
 @dataclass(frozen=True)
@@ -174,10 +179,11 @@ class ReachChanged(Event):
 
 
 @dataclass(frozen=True)
-class NodeGone(Event):
-    """The monitor tells that the node of a topic is gone; `last_message`: as a row has it."""
+class FailureHeard(Event):
+    """A failure on a topic is told; `kind`: as in its message; `last_message`: as a row has it."""
 
     topic: str
+    kind: str
     last_message: bytes = b""
 
 

@@ -102,7 +102,8 @@ class OtherPublishers:
         if event.look != self._awaited:
             return
         quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
-        self._alone = ALONE_LOOKS if event.alone else self._alone - 1
+        alone = not event.healed or event.watched is False
+        self._alone = ALONE_LOOKS if alone else self._alone - 1
         if event.stands:
             self._judge(Original.HANGS, event.time)
         elif self.original is Original.HANGS or quick or self._alone > 0:

@@ -52,7 +52,7 @@ class Sharing:
                 events.OtherGone: self._of_topic,
                 events.OthersStand: lambda e: self._tell(e, self._concerned[e.look.topic]),
                 events.ReachChanged: lambda event: self._tell(event, self._cores),
-                events.NodeGone: lambda event: [],
+                events.FailureHeard: lambda event: [],
                 events.HealerHeard: lambda event: [],
                 events.Tick: self._tick,
             },

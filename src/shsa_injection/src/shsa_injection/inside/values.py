@@ -6,7 +6,7 @@ import genpy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import ANGLES, Index, Named, Span, Step, parse_field
-from shsa_core.ros.messages.fields import Field
+from shsa_core.model.field_value import Field
 
 
 class FaultyValue:

@@ -8,6 +8,7 @@ from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, NoSubstitute
+from shsa_core.planning.planner import Calibrations
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
@@ -31,7 +32,8 @@ class Asked(NamedTuple):
     """A question: the models, what they do without, and the options.
 
     `explain`: with the derivation, alternatives and dead branches; `predictor`: None where no
-    errors are known; `steps`: the deadline of the search, None: it has none.
+    errors are known; `steps`: the deadline of the search, None: it has none; `measured`: by a
+    running monitor, None: it was not asked.
     """
 
     ontology: Ontology
@@ -41,6 +43,14 @@ class Asked(NamedTuple):
     explain: bool
     predictor: Optional[Predictor] = None
     steps: Optional[int] = None
+    measured: Optional[Calibrations] = None
+
+    def about(self, service: Optional[Service]) -> "Asked":
+        """Return it with what a running monitor has measured of a service's substitutes."""
+        if service is None or self.predictor is None or self.measured is None:
+            return self
+        known = self.measured.knowing(service.name, self.predictor)
+        return self._replace(predictor=known)
 
     @property
     def first(self) -> str:
@@ -210,6 +220,7 @@ def _explanation(asked: Asked, loss: Loss) -> Answer:
         distinct.setdefault(key, (found, error))
     best, others = [*distinct.values()][:1], [*distinct.values()][1:]
     return {
+        "fusion": _fusion(asked, loss),
         "derivation": [
             line for each, _ in best for line in islice(_tree(each.derivation), MOST_LINES)
         ],
@@ -230,6 +241,16 @@ def _explanation(asked: Asked, loss: Loss) -> Answer:
         "more_alternatives": max(len(others) - ALTERNATIVES, 0),
         "dead": [dead._asdict() for dead in dead_branches(asked.ontology, loss)],
     }
+
+
+def _fusion(asked: Asked, loss: Loss) -> str:
+    """Return which derivations are fused, or why none are."""
+    if asked.measured is None or asked.predictor is None:
+        return "none: it takes errors at the same moments, of a running robot (--live)"
+    found = [each.function for each in asked.predictor.fusions if each.function.output == loss.name]
+    if found:
+        return f"{found[0].relation} errs clearly less than each part: {found[0].text}"
+    return "none: no sum of what is calibrated has erred 5 % less than the best part of it"
 
 
 def _tree(derivation: Derivation) -> Iterator[str]:

@@ -1,13 +1,15 @@
 """`shsa find`: the substitute of a property, a service, or all services of a topic or a node."""
 import argparse
 import json
+import os
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
 from shsa_core.cli._common import say
 from shsa_learning.cli._common import add_models, add_without, check_known, read_models, without
 from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
-from shsa_core.errors import ModelError
+from shsa_core.errors import ModelError, ShsaError
+from shsa_core.planning.planner import Calibrations
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -48,6 +50,9 @@ def add_parser(subparsers: Any) -> None:
         action="store_true",
         help="show the derivation, the alternatives, and what dead branches lack",
     )
+    parser.add_argument(
+        "--live", action="store_true", help="count what the robot that runs here has measured"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON document")
 
 
@@ -62,12 +67,13 @@ def run(args: argparse.Namespace) -> int:
         args.explain,
         predictor(ontology, som.sources),
         args.steps,
+        _measured(args.namespace) if args.live else None,
     )
     kind, services = _lost(args, ontology, som)
     if services and (args.method == "all" or args.explain):
         raise ModelError(f"the {kind}", "all and --explain are for a property")
     if services:
-        answers = [of_service(asked, each) for each in services]
+        answers = [of_service(asked.about(each), each) for each in services]
         named: Answer = {kind: args.topic or args.name, "services": answers}
         answer = answers[0] if kind == "service" else named
         lines = [line for each in answers for line in _text(each)]
@@ -104,8 +110,10 @@ def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
         if loss.source is None:
             answer = of_property(asked, loss)
             return answer, list(_text(answer))
-        whole = of_service(asked, loss.source.service)
-        parts.append((loss.source.service, whole, of_property(asked, loss, whole)))
+        service = loss.source.service
+        about = asked.about(service)
+        whole = of_service(about, service)
+        parts.append((service, whole, of_property(about, loss, whole)))
     lines: List[str] = []
     for service, whole, answer in parts:
         if len(parts) > 1:
@@ -123,6 +131,16 @@ def _property(asked: Asked, name: str) -> Tuple[Answer, List[str]]:
     if len(parts[0][0].properties) > 1:
         return {**chosen, "services": [parts[0][1]]}, lines
     return chosen, lines
+
+
+def _measured(namespace: str) -> Calibrations:
+    """Return what a running monitor has measured. Raises ShsaError if none is heard."""
+    os.environ["ROS_NAMESPACE"] = namespace or "/"  # as rospy takes it
+    try:
+        from shsa_learning.ros.calibrated import calibrations  # ROS loads slowly
+    except ImportError as error:
+        raise ShsaError(f"--live needs ROS: source its setup.bash ({error})") from error
+    return calibrations()
 
 
 def _text(answer: Answer) -> Iterator[str]:
@@ -164,6 +182,8 @@ def _text(answer: Answer) -> Iterator[str]:
     if answer.get("derivation"):
         yield "derivation"
         yield from ("    " + line for line in answer["derivation"])
+    if "fusion" in answer:
+        yield f"fusion  {answer['fusion']}"
     if answer.get("alternatives"):
         yield "alternatives"
         yield from ("    " + _summary(each) for each in answer["alternatives"])

@@ -7,7 +7,7 @@ from shsa_core.analysis.duties import Pairs, duties_of, is_command, read_by
 from shsa_core.model.names import Names
 from shsa_core.model.som import Som
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.master.registrations import read_pairs
+from shsa_core.analysis.registrations import read_pairs
 from shsa_learning.doctor import fate_of
 
 

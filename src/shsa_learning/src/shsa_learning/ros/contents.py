@@ -6,7 +6,7 @@ import genpy
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.ros.messages.fields import Field
+from shsa_core.model.field_value import Field
 from shsa_learning.init.contents import Array, Contents, LeftOut, Number, contents, elements
 from shsa_learning.init.survey import Publisher, Refused, Surveyor, outside
 from shsa_learning.recordings.bags import installed

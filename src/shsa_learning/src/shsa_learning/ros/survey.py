@@ -9,7 +9,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, master_api
-from shsa_core.ros.master.registrations import read_pairs
+from shsa_core.analysis.registrations import read_pairs
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.text import shown
 from shsa_learning.init.draft import UNLISTED, Listed

@@ -1,1 +1,1 @@
-"""Commands to other computers: `routing` sends each to its own, `agent` runs there."""
+"""The robot's computers: `all_hosts` sends each command to its own, `agent` runs on the others."""

@@ -16,6 +16,8 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
+from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written
+from shsa_core.hosts.conversation import AgentEnd
 from shsa_core.model.names import Names
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
@@ -24,51 +26,13 @@ from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import Signs, hearer
-from shsa_core.ros.processes.host import COMMANDS, EVENTS, HostEvent, read, written
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
-from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-
-
-class AgentEnd:
-    """The agent's end of the conversation with a reconfigurator; of none at first.
-
-    `began`: the agent's own number; `said`, `heard`: the numbers of the last event and command. A
-    reconfigurator that was silent, or of which something was lost, must begin anew: what it has
-    said before may come late, and is not wanted any more. Times in s, on one clock.
-    """
-
-    def __init__(self, began: int) -> None:
-        self.began = began
-        self.session = self.said = self.heard = 0
-        self._heard_at = float("-inf")
-        self._open = False
-
-    def is_open(self, now: float) -> bool:
-        """Return whether the conversation goes on."""
-        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
-        self._open = self._open and now < self._heard_at + patience
-        return self._open
-
-    def hear(self, message: msg.HostCommand, now: float) -> bool:
-        """Return whether a message holds a command that is to be carried out now."""
-        if message.agent != self.began or message.session < self.session:
-            return False  # it is for another agent, or of a former reconfigurator
-        if message.session > self.session:
-            self.session, self.said, self.heard, self._open = message.session, 0, 0, True
-        elif not self.is_open(now):
-            return False
-        expected = self.heard + bool(message.command)
-        if message.number < expected:
-            return False  # it was heard before
-        self._open = message.number == expected
-        if self._open:
-            self._heard_at, self.heard = now, message.number
-        return self._open and bool(message.command)
 
 
 class AgentNode:
@@ -80,14 +44,12 @@ class AgentNode:
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
-        self._end = AgentEnd(time.monotonic_ns())
+        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
+        self._end = AgentEnd(time.monotonic_ns(), patience)
         self._load = Load()
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
-        self._sign = signing.signer(topic, msg.HostEvent)
-        self._publisher = rospy.Publisher(
-            topic, msg.HostEvent, queue_size=settings.QUEUE, tcp_nodelay=True
-        )
+        self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = may_restart(arguments.restart_as_root)
@@ -180,7 +142,7 @@ class AgentNode:
             received=self._load.received,
             transmitted=self._load.sent,
         )
-        publish(self._publisher, self._sign(message))
+        publish(self._publisher, message)
 
 
 def main() -> None:

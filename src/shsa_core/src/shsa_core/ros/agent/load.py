@@ -7,7 +7,6 @@ import psutil
 import rosgraph.network
 import rospy
 
-from shsa_core.healing.events import HostSeen
 from shsa_core.ros import settings
 
 
@@ -36,10 +35,6 @@ class Load:
         self.sent, self.received = ((new - old) / elapsed for new, old in zip(counted, before))
         self.addresses = _addresses()
         self._looked, self._counted = now, counted
-
-    def seen(self, now: float, host: str) -> HostSeen:
-        """Return the event that tells of it."""
-        return HostSeen(now, host, self.busy, self.cores, self.sent, self.received)
 
 
 def _counters() -> List[int]:

@@ -6,6 +6,7 @@ master cannot tell of a publisher are told directly (`announce`).
 """
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional
 from typing import Sequence, Set, Tuple
@@ -13,11 +14,7 @@ from typing import Sequence, Set, Tuple
 import rosgraph
 import rospy
 
-from shsa_core.errors import ShsaError
-from shsa_core.ros import settings
-from shsa_core.ros.master.announce import Introductions, Publisher
-from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
-from shsa_core.ros.master.registrations import (
+from shsa_core.analysis.registrations import (
     NOTHING,
     Graph,
     Pairs,
@@ -30,7 +27,10 @@ from shsa_core.ros.master.registrations import (
     to_register,
     together,
 )
-from shsa_core.ros.workers import Workers
+from shsa_core.errors import ShsaError
+from shsa_core.ros import settings
+from shsa_core.ros.master.announce import Introductions, Publisher
+from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
 REGISTER = {
     Part.PUBLISHER: "registerPublisher",
@@ -136,7 +136,7 @@ class MasterWatch:
         self._is_ours, self._seen, self.acts = is_ours, seen, False
         self._me = rospy.get_name()
         self._calls = MasterCalls()
-        self._nodes = Workers("nodes", settings.MOST_CALLS)
+        self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0
@@ -251,30 +251,22 @@ class MasterWatch:
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
         """Return what nodes that answer soon say of themselves; one that has gone is settled."""
-        said: Dict[str, Said] = {}
-        gone: Set[str] = set()
-        done = threading.Semaphore(0)
-
-        def put(node: str, uri: str) -> None:
-            try:
-                published, subscribed = topics(uri), topics(uri, "getSubscriptions")
-                said[node] = {Part.PUBLISHER: published, Part.SUBSCRIBER: subscribed}
-            except ConnectionRefusedError:
-                gone.add(node)
-            except FAILURES as error:
+        asked = {self._nodes.submit(partial(_said, uri)): node for node, uri in nodes.items()}
+        told: Dict[str, Said] = {}
+        for answer in wait(asked, settings.CALL_S).done:  # who answers later is asked again
+            node, error = asked[answer], answer.exception()
+            if error is None:
+                told[node] = answer.result()
+            elif not isinstance(error, ConnectionRefusedError):
                 rospy.logdebug("%s does not say what it had registered: %s", node, error)
-            finally:
-                done.release()
-
-        for node, uri in nodes.items():
-            self._nodes.put(partial(put, node, uri))
-        end = time.monotonic() + settings.CALL_S
-        for _ in nodes:
-            if not done.acquire(timeout=max(0.0, end - time.monotonic())):
-                break
-        told = dict(said)  # who answers later is asked again
-        self._settled |= {*gone, *told}
+                continue
+            self._settled.add(node)
         return told
+
+
+def _said(uri: str) -> Said:
+    """Return what a node says of itself. Raises one of FAILURES."""
+    return {Part.PUBLISHER: topics(uri), Part.SUBSCRIBER: topics(uri, "getSubscriptions")}
 
 
 def _took(began: float) -> float:

@@ -156,6 +156,17 @@ def master_api(caller_id: str = "") -> rosgraph.Master:
     return master
 
 
+def uri_of(node: str) -> str:
+    """Return where the master says that a node is; empty: it knows no such node.
+
+    Raises one of FAILURES if it does not answer.
+    """
+    try:
+        return str(master_api().lookupNode(node))
+    except rosgraph.MasterException:
+        return ""
+
+
 class _Transport(xmlrpc.client.Transport):
     """One call, one connection, one deadline."""
 
@@ -251,10 +262,10 @@ def sent(answer: Answer, topic: str) -> Optional[Sent]:
     [number, bytes, messages, connected], or [number, bytes, bytes of data, messages, 0].
     """
     try:
-        row = next(each for each in answer.value[0] if each[0] == topic)
-        messages = {int(each[0]): int(each[-2]) for each in row[-1] if len(each) in (4, 5)}
-        return Sent(int(row[1]) if len(row) == 3 else 0, messages, answer.answered)
-    except (StopIteration, LookupError, TypeError, ValueError):
+        rows = [row for row in answer.value[0] if row[0] == topic]
+        messages = {int(each[0]): int(each[-2]) for row in rows for each in row[-1]}
+        return Sent(sum(int(row[1]) for row in rows if len(row) == 3), messages, answer.answered)
+    except (LookupError, TypeError, ValueError):
         return None
 
 
@@ -306,7 +317,10 @@ class Originals:
         seen = self._seen.pop(original, None)  # else the master is asked again
         try:
             uri, ends = seen or (master_api().lookupNode(original), {})
-            served = _served(topic, uri)
+            stats = sent(bus_stats(uri), topic)
+            if stats is None:
+                return None
+            served = {number for number, count in stats.messages.items() if count}
             if not served <= ends.keys():
                 ends = connected(topic, uri)
             consumers = frozenset(ends[each] for each in served if each in ends)
@@ -314,12 +328,6 @@ class Originals:
             return None
         self._seen[original] = uri, ends
         return consumers
-
-
-def _served(topic: str, uri: str) -> FrozenSet[Any]:
-    """Return the numbers of the connections on which something was sent. Raises as `connected`."""
-    rows = [row for entry in ask(uri, "getBusStats")[0] if entry[0] == topic for row in entry[-1]]
-    return frozenset(row[0] for row in rows if row[2] > 0)
 
 
 def connected(topic: str, uri: str) -> Dict[Any, str]:

@@ -23,8 +23,7 @@ import rosgraph.names
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api, resolved
-from shsa_core.ros.master.node_api import pid as pid_of
+from shsa_core.ros.master.node_api import FAILURES, pid as pid_of, resolved, uri_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import is_local, listener
 from shsa_core.ros.workers import Workers
@@ -149,7 +148,8 @@ def await_turn(name: str) -> None:
     Else say so and leave, with exit status 1. A launch that would start this process again, and
     again, is spared that: it waits, registered nowhere, until the other one has gone for good.
     """
-    full = _full_name(name)
+    mappings = rosgraph.names.load_mappings(sys.argv)
+    full = str(rosgraph.names.make_caller_id(mappings.get("__name", name))).rstrip("/")
     other = find_other(full)
     if other is None:
         return
@@ -173,7 +173,7 @@ def find_other(node: str) -> Optional[str]:
     this computer is none either: anybody can register our name, and all of healing is one user's.
     """
     try:
-        uri = master_api().lookupNode(node)
+        uri = uri_of(node)
         number = pid_of(uri)
     except FAILURES:
         return None
@@ -187,12 +187,6 @@ def find_other(node: str) -> Optional[str]:
             print(text, file=sys.stderr)
             return None
     return f"process {number} at {uri}"
-
-
-def _full_name(name: str) -> str:
-    mappings = rosgraph.names.load_mappings(sys.argv)
-    namespace = rosgraph.names.get_ros_namespace()
-    return str(rosgraph.names.ns_join(namespace, mappings.get("__name", name)))
 
 
 def hear_successor() -> Callable[[], bool]:

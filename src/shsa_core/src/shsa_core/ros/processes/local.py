@@ -7,10 +7,10 @@ import signal
 import socket
 import threading
 import time
+from contextlib import suppress
 from typing import Any, Callable, List, Optional
 
 import psutil
-import rosgraph
 import rospy
 
 from shsa_core import dispatch
@@ -18,11 +18,11 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.settings import LEAVE_S
+from shsa_core.hosts.commands import HostCommand, Tell, not_done
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved
+from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved, uri_of
 from shsa_core.ros.processes import kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
-from shsa_core.ros.processes.host import HostCommand, Tell, not_done
 from shsa_core.ros.processes.nodes import Known, Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Substitutes, Setup
@@ -245,12 +245,12 @@ def clear(nodes: Nodes, node: str) -> bool:
     uri = known.uri if known else ""
     try:
         if not uri:
-            uri = master_api().lookupNode(node)
-            if known is not None and listener(resolved(uri)) is not None:
-                return True  # it was ended before it registered: this is a successor
+            uri = uri_of(node)
+            if not uri or (known is not None and listener(resolved(uri)) is not None):
+                return True  # there is nothing, or a successor: it was ended before it registered
         return _unregister(node, uri)
     except FAILURES:
-        return True  # the master does not know it, or is away: there is nothing to be cleared
+        return True  # the master is away: there is nothing to be cleared
 
 
 def _ask(nodes: Nodes, node: str, answered: Callable[[], object]) -> None:
@@ -273,10 +273,11 @@ def _ask_elsewhere(node: str, uri: str, answered: Callable[[], object]) -> bool:
     try:
         ask(uri, "shutdown", WHY)
     except ConnectionRefusedError as error:
-        if _is_registered(node):
-            why = "it refuses the connection, and cannot be verified to have ended"
-            raise Untouchable(why) from error
-        return True
+        with suppress(*FAILURES):  # the master does not tell
+            if not uri_of(node):
+                return True
+        why = "it refuses the connection, and cannot be verified to have ended"
+        raise Untouchable(why) from error
     except FAILURES as error:
         raise Untouchable(f"it cannot be verified to have ended: {error}") from error
     answered()
@@ -290,17 +291,6 @@ def _refuses(uri: str) -> bool:
     except OSError as error:
         return isinstance(error, ConnectionRefusedError)
     return False
-
-
-def _is_registered(node: str) -> bool:
-    """Return whether the master knows a node; True as well if that cannot be told."""
-    try:
-        master_api().lookupNode(node)
-    except rosgraph.MasterException:
-        return False
-    except FAILURES:
-        return True
-    return True
 
 
 def _unregister(node: str, uri: str) -> bool:

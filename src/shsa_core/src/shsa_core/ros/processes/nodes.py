@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
 
 import psutil
-import rosgraph
 import rospy
 
 from shsa_core.healing.events import Where
@@ -27,6 +26,7 @@ from shsa_core.ros.master.node_api import (
     resolved,
     topics,
     uri_at,
+    uri_of,
 )
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import answers_at, is_local, listener, listening
@@ -105,9 +105,8 @@ class Nodes:
 
         Raises one of FAILURES if the master does not answer.
         """
-        try:
-            uri = master_api().lookupNode(node)
-        except rosgraph.MasterException:
+        uri = uri_of(node)
+        if not uri:
             return None
         try:
             at = located(uri)

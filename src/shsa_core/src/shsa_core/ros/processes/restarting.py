@@ -15,7 +15,7 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.node_api import FAILURES, uri_of
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
@@ -215,6 +215,6 @@ class ComingUp:
 def _address(node: str) -> str:
     """Return where the master says that a node is; empty: it does not know, or does not answer."""
     try:
-        return str(master_api().lookupNode(node))
+        return uri_of(node)
     except FAILURES:
         return ""

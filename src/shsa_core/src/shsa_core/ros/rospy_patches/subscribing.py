@@ -1,31 +1,34 @@
 """Subscriptions whose connections are bounded, or read by a thread of our own.
 
 Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
-buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It reads each
-connection in a thread that calls back, not saying when one ended, or when a message came. One that
-was refused stays in `connections`, so that no other is made to that node.
+buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It waits 60 s for
+a publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
+takes that call for a header, and serves nobody until it ends. It reads each connection in a thread
+that calls back, not saying when one ended, or when a message came. One that was refused stays in
+`connections`, so that no other is made to that node.
 """
 import socket
 import struct
 import time
 import weakref
-from math import inf
 from typing import Any, Callable, Type
 
 import genpy
 import rospy
 from rosgraph.network import decode_ros_handshake_header
 from rospy.exceptions import TransportInitError, TransportTerminated
+from rospy.impl import masterslave, tcpros_pubsub
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.topics import _SubscriberImpl
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import NODE, node_api
 
 LENGTH = struct.Struct("<I")
 
 
-def read_header(connection: socket.socket, seconds: float = inf) -> bytes:
+def read_header(connection: socket.socket, seconds: float) -> bytes:
     """Return the header with its length, and no byte more. Raises OSError, ShsaError."""
     length = read(connection, LENGTH.size, connection.recv, seconds)
     (size,) = LENGTH.unpack(length)
@@ -41,7 +44,7 @@ def read(
     data, end = b"", time.monotonic() + seconds
     while len(data) < size:
         left = end - time.monotonic()
-        connection.settimeout(None if left == inf else max(1e-3, left))
+        connection.settimeout(max(1e-3, left))
         came = some(size - len(data))
         if not came:
             raise ShsaError("it ended before all had come")
@@ -50,6 +53,15 @@ def read(
             raise ShsaError("it takes too long")
     connection.settimeout(None)
     return data
+
+
+def ask_in_time() -> None:
+    """Have rospy give up a publisher that does not answer within PATIENCE_S, and ask again later.
+
+    To be called before the node is initialised.
+    """
+    patient = lambda uri, **_: node_api(uri, NODE._replace(timeout=settings.PATIENCE_S))
+    masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
 
 
 def bound_header(transport: Any) -> None:
@@ -65,8 +77,9 @@ def bound_header(transport: Any) -> None:
         if found.done:  # before there was a socket to close; no header was sent
             found.socket.close()
         try:
-            found._validate_header(decode_ros_handshake_header(read_header(found.socket)))
-        except TransportInitError as error:
+            header = read_header(found.socket, settings.LONGEST_PAUSE_S)
+            found._validate_header(decode_ros_handshake_header(header))
+        except (TransportInitError, socket.timeout) as error:
             found.header = None
             raise ShsaError(str(error)) from error  # on which rospy closes it
 
@@ -131,6 +144,10 @@ class HandedOver(_SubscriberImpl):
         with manager.lock:
             manager._add(self, manager.subs, Registration.SUB)
             return rospy.Subscriber(self._topic, rospy.AnyMsg)
+
+    def has_connection(self, endpoint_id: str) -> bool:
+        """Called by rospy before it connects: nobody needs to hear itself."""
+        return endpoint_id == rospy.get_node_uri() or bool(super().has_connection(endpoint_id))
 
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""

@@ -7,14 +7,13 @@ import socket
 from functools import partial
 from typing import Callable, Dict, NamedTuple, Optional
 
-import rosgraph
 import rospy
 
+from shsa_core.analysis.registrations import is_name
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.announce import of_topic
-from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved
-from shsa_core.ros.master.registrations import is_name
+from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved, uri_of
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.trust.owners import is_local, listening, speaker
 from shsa_core.ros.workers import Workers
@@ -119,12 +118,7 @@ class Identities:
         return next((node for node in listed if self._is_at(node, uri)), "")
 
     def _is_at(self, node: str, uri: str) -> bool:
-        if self.knows(node, uri):
-            return True
-        try:
-            return is_name(node) and bool(master_api().lookupNode(node) == uri)
-        except rosgraph.MasterException:
-            return False  # it knows no such node
+        return self.knows(node, uri) or (is_name(node) and uri_of(node) == uri)
 
 
 def _is_sender(connected: socket.socket, at: str) -> bool:

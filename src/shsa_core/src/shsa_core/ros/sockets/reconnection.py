@@ -13,7 +13,7 @@ from typing import Callable, Dict, List, NamedTuple, Tuple
 from rospy.impl.tcpros import get_tcpros_handler
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
@@ -43,7 +43,7 @@ def refuses(host: str, uri: str) -> bool:
     end = _now() + settings.REST_S
     left = settings.REST_S
     while left > 0.0:
-        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as caller:
+        with socket.socket(family(host)) as caller:
             caller.settimeout(left)
             try:
                 caller.connect((host, port))

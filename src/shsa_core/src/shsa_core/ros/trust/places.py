@@ -6,7 +6,7 @@ a clock of its own is one, and nobody can choose which: the kernel says it.
 import hashlib
 import os
 import socket
-from typing import FrozenSet, Mapping, NamedTuple, Optional, Tuple
+from typing import FrozenSet, Mapping, Optional, Tuple
 from urllib.parse import urlparse
 
 import psutil
@@ -14,36 +14,14 @@ import rosgraph
 import rosgraph.network
 
 from shsa_core.errors import ShsaError
+from shsa_core.trust.proof import Place
+from shsa_core.trust.seal import BOOT_B
 
 BOOT_ID = "/proc/sys/kernel/random/boot_id"
 NAMESPACES = "/proc/self/ns"
-BOOT_B = 16
 FAMILIES = (socket.AF_INET, socket.AF_INET6)
 ELSEWHERE = ("127.", "::1", "fe80:")
 """Prefixes of addresses that are another computer's elsewhere."""
-
-
-class Place(NamedTuple):
-    """A ROS master as one computer sees it.
-
-    `network`: that computer's, if the master is on it; else empty. `addresses`: by which others can
-    reach it: all of that computer's, if the master is on it.
-    """
-
-    network: str
-    addresses: FrozenSet[str]
-    port: int
-
-    def is_same(self, other: "Place") -> bool:
-        """Return whether this can only be the master that the other sees."""
-        if self.port != other.port:
-            return False
-        if self.network and other.network:
-            return self.network == other.network
-        return bool(self.addresses & other.addresses)
-
-    def __str__(self) -> str:
-        return f"{' or '.join(sorted(self.addresses)) or 'localhost'}, port {self.port}"
 
 
 def boot() -> str:

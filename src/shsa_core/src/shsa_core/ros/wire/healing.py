@@ -29,12 +29,12 @@ from shsa_core.text import shown
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
     """Return the event of a message on /shsa/failures. Raises ShsaError if it is none."""
     detected = failure.header.stamp
-    theirs = _clock_of(failure, detected if failure.told.is_zero() else failure.told)
+    ahead = _ahead(failure, detected if failure.told.is_zero() else failure.told)
     return read(
         events.FailureSeen,
         failure,
-        theirs,
-        time=theirs.at(detected) or clock.now(),
+        ahead,
+        time=clock.to_moment(detected, ahead) or clock.now(),
         kind=word_of("kind", Kind, failure.kind or Kind.OTHER),
         detail=shown(failure.detail),
         last_message=last_message(bytes(failure.last_message)),
@@ -51,11 +51,11 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
     `host`: the computer whose monitor sent it.
     """
-    theirs = _clock_of(health, health.header.stamp)
+    ahead = _ahead(health, health.header.stamp)
     keys = (key.partition(" ") for key in health.removed)
     return events.HealthSeen(
         time=clock.now(),
-        rows=tuple(_publisher_health(row, theirs) for row in health.publishers),
+        rows=tuple(_publisher_health(row, ahead) for row in health.publishers),
         removed=tuple((topic, publisher) for topic, _, publisher in keys),
         whole=health.whole,
         anew=anew,
@@ -94,20 +94,20 @@ def _calibration_key(text: str) -> Tuple[str, Program]:
         raise ShsaError(f"{text!a} names no calibration: {error}") from error
 
 
-def _publisher_health(row: msg.PublisherHealth, theirs: clock.SenderClock) -> PublisherHealth:
+def _publisher_health(row: msg.PublisherHealth, ahead: float) -> PublisherHealth:
     return read(
         PublisherHealth,
         row,
-        theirs,
-        since=theirs.at(row.since) or 0.0,
+        ahead,
+        since=clock.to_moment(row.since, ahead) or 0.0,
         detail=shown(row.detail),
         last_message=last_message(bytes(row.last_message)),
     )
 
 
-def _clock_of(message: Any, told: rospy.Time) -> clock.SenderClock:
-    """Return the clock by which a message was sent at `told`; signed ones know when that was."""
-    return clock.sender_clock(told, getattr(message, "sent_here", 0))
+def _ahead(message: Any, told: rospy.Time) -> float:
+    """Return how far the clock is ahead by which a message was sent; signed ones know when."""
+    return clock.offset(told, getattr(message, "sent_here", 0))
 
 
 def service_state(state: events.ServiceState) -> msg.ServiceState:
@@ -162,11 +162,6 @@ def failure_message(row: PublisherHealth) -> msg.Failure:
     """Return what is told on shsa/failures: all that the row says. Either may be heard first."""
     header = Header(stamp=clock.to_stamp(row.since))
     return filled(msg.Failure, row, header=header, told=rospy.Time.now())
-
-
-def health_row(row: PublisherHealth) -> msg.PublisherHealth:
-    """Return a row of the table of health."""
-    return filled(msg.PublisherHealth, row)
 
 
 def health_key(key: Key) -> str:

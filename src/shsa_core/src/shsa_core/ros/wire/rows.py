@@ -25,8 +25,8 @@ from shsa_core.substitution import signals
 NOT_KNOWN = math.nan
 
 R = TypeVar("R")
-Read = Callable[[Any, Optional[clock.SenderClock]], Any]
-"""Makes a record's value of a message's."""
+Read = Callable[[Any, Optional[float]], Any]
+"""Makes a record's value of a message's, whose sender's clock is so far ahead."""
 
 
 def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
@@ -71,15 +71,16 @@ def _written(value: Any, slot: str, ahead: float) -> Any:
 
 
 def read(
-    kind: Type[R], message: genpy.Message, by: Optional[clock.SenderClock] = None, /, **others: Any
+    kind: Type[R], message: genpy.Message, ahead: Optional[float] = None, /, **others: Any
 ) -> R:
     """Return the record of the fields of its names that a message has, and of `others`.
 
-    Stamps are moments `by` a clock. Raises ShsaError if a word is none.
+    Stamps are moments by a clock that is so far ahead of ours. Raises ShsaError if a word is none.
     """
     kinds: Any = kind, type(message)
     readers = _readers(*kinds)
-    same = {n: reader(getattr(message, n), by) for n, reader in readers.items() if n not in others}
+    wanted = readers.keys() - others
+    same = {name: readers[name](getattr(message, name), ahead) for name in wanted}
     return kind(**same, **others)
 
 
@@ -97,7 +98,7 @@ def _readers(kind: Any, message: Type[genpy.Message]) -> Dict[str, Read]:
 def _reader(name: str, slot: str, hint: Any, default: Any) -> Read:
     of = next(iter(get_args(hint)), hint)  # Optional[float] is of float
     if slot == "time":
-        return lambda stamp, by: by.at(stamp) if by else None
+        return lambda stamp, ahead: None if ahead is None else clock.to_moment(stamp, ahead)
     if isinstance(of, type) and issubclass(of, Word):
         # No text stands for what a record is made with.
         return (

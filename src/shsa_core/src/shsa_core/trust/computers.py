@@ -3,27 +3,12 @@
 Ours is one. Another one is believed once a node on it has proved that it holds our secret, uses
 our master and runs in that very boot. The round trip of that proof bounds how far its clock can
 be from ours; no clock needs to be right.
-
-The node that is asked gets a nonce that nobody has seen before. The proof is text, signed together
-with the nonce; it is read only if the signature is right. The question is one more call of a node's
-own XML-RPC interface: no socket, port or thread is needed for it.
 """
-import hmac
-import json
-import re
-import secrets
-import socket
 import threading
-import time
 from collections import OrderedDict
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
-
-from rospy.impl.masterslave import ROSHandler
+from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ShsaError
-from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
-from shsa_core.ros.trust.places import Place, master_seen
-from shsa_core.text import shown
 
 DRIFT = 500e-6
 """More than two clocks drift apart: quartzes have up to 100e-6, what corrects them adds as much."""
@@ -126,7 +111,7 @@ class Computers:
     after it waits in the socket, so that nothing is lost, overtaken, or piles up.
     """
 
-    def __init__(self, own: bytes, ask: Ask, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, own: bytes, ask: Ask, clock: Clock) -> None:
         self._ask, self._clock = ask, clock
         self.own = Computer(own)
         self._known: Dict[bytes, Computer] = {own: self.own}
@@ -219,152 +204,3 @@ class Computers:
         mets = [each.met for each in self._known.values() if each.met is not None]
         del self._known[min(mets, key=lambda met: met.answered).boot]
         self._forgotten = self._clock()
-
-
-METHOD = "proveSecret"
-NONCE_B = 16
-NONCE = re.compile(f"[0-9a-f]{{{2 * NONCE_B}}}")
-LONGEST = 1 << 16
-"""Characters of a proof."""
-MOST_SECRETS = 8
-"""So many different ones of a process are proved, the newest."""
-
-
-class WrongSecret(ShsaError):
-    """The answer is by another secret than ours, or by none."""
-
-
-class Proof(NamedTuple):
-    """The words of a computer about itself at the moment it is asked.
-
-    `boot`: the one that its messages name; `clock` and `wall`: its monotonic and wall clock, in ns.
-    """
-
-    boot: bytes
-    host: str
-    master: Place
-    clock: int
-    wall: int
-
-
-def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
-    """Write the proof that answers a nonce: its text, and the signature."""
-    fields: Any = proof._asdict()
-    fields["boot"] = proof.boot.hex()
-    fields["master"] = proof.master.network, sorted(proof.master.addresses), proof.master.port
-    text = json.dumps(fields)
-    return [text, _signature(secret, asked, text)]
-
-
-def read(secret: bytes, asked: str, answer: object) -> Proof:
-    """Read the proof in an answer. Raises ShsaError: it is none; WrongSecret: it is not by ours."""
-    pair = answer if isinstance(answer, (list, tuple)) else ()
-    if len(pair) != 2 or not all(isinstance(each, str) and len(each) < LONGEST for each in pair):
-        raise ShsaError("what it answers is no proof")
-    text, signature = pair
-    if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
-        raise WrongSecret("its secret is another than ours")
-    try:
-        fields = json.loads(text)
-        network, addresses, port = fields["master"]
-        fields["master"] = Place(network, frozenset(addresses), port)
-        fields["boot"] = bytes.fromhex(fields["boot"])
-        return Proof(**fields)
-    except (ValueError, TypeError, KeyError) as error:
-        raise ShsaError("its proof is of another version") from error
-
-
-def _signature(secret: bytes, asked: str, text: str) -> str:
-    key = hmac.digest(secret, b"proof", "sha256")
-    return hmac.digest(key, (asked + text).encode(), "sha256").hex()
-
-
-class Challenger:
-    """Asks nodes to prove that they hold the secret and use our master.
-
-    `find`: a lookup of a node's address. `call`: a call of a method with a nonce at a URI. Both
-    raise one of FAILURES. `ours`: our master. `wall`: the wall clock at a time of the monotonic
-    one, in ns.
-    """
-
-    def __init__(
-        self,
-        secret: bytes,
-        find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node)),
-        call: Callable[[str, str, str], Answer] = ask_timed,
-        ours: Callable[[], Place] = master_seen,
-        wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns(),
-    ) -> None:
-        self._secret, self._find, self._call, self._ours = secret, find, call, ours
-        self._wall = wall
-        self._uris: "OrderedDict[str, str]" = OrderedDict()
-
-    def ask(self, node: str) -> Met:
-        """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
-        asked = secrets.token_hex(NONCE_B)
-        try:
-            uri = self._locate(node)
-            where = shown(address(uri).host, 100)
-            answer = self._call(uri, METHOD, asked)
-        except FAILURES as error:
-            raise NoAnswer("its sender does not prove where it is: no answer") from error
-        try:
-            found = self._read(asked, answer.value)
-        except WrongSecret as error:
-            raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
-        ours = self._ours()
-        if not found.master.is_same(ours):
-            raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
-        self._uris[node] = uri
-        if len(self._uris) > MOST:
-            self._uris.popitem(last=False)
-        ahead = found.wall - self._wall((answer.asked + answer.answered) // 2)
-        times = found.clock, ahead, answer.asked, answer.answered
-        return Met(found.boot, shown(found.host, 100), where, *times)
-
-    def _locate(self, node: str) -> str:
-        """Return where a node is; without the master, where it was when it last proved itself."""
-        try:
-            return self._find(node)
-        except FAILURES:
-            if node not in self._uris:
-                raise
-            return self._uris[node]
-
-    def _read(self, asked: str, answers: object) -> Proof:
-        """Return the proof by our secret: a process may hold several."""
-        problem = ShsaError("what its sender answers is no proof")
-        for answer in (answers if isinstance(answers, list) else [])[:MOST_SECRETS]:
-            try:
-                return read(self._secret, asked, answer)
-            except ShsaError as error:
-                problem = error
-        raise problem
-
-
-_served: "OrderedDict[Tuple[bytes, bytes], None]" = OrderedDict()
-_lock = threading.Lock()
-
-
-def serve(secret: bytes, boot: bytes) -> None:
-    """Have this process prove from now on that it holds the secret, as what signs with `boot`."""
-    with _lock:
-        _served[secret, boot] = None
-        if len(_served) > MOST_SECRETS:
-            _served.popitem(last=False)
-        setattr(ROSHandler, METHOD, _prove)
-
-
-def _prove(handler: Any, caller_id: object, asked: object) -> Tuple[int, str, List[Sequence[str]]]:
-    """Answer the call, as rospy makes it."""
-    if not isinstance(asked, str) or not NONCE.fullmatch(asked):
-        return -1, "a nonce is needed", []
-    with _lock:
-        held = list(_served)
-    return 1, "", [_proof(secret, boot, asked) for secret, boot in held]
-
-
-def _proof(secret: bytes, boot: bytes, asked: str) -> Sequence[str]:
-    clocks = time.monotonic_ns(), time.time_ns()
-    told = Proof(boot, socket.gethostname(), master_seen(), *clocks)
-    return written(secret, asked, told)

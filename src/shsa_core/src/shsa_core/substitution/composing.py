@@ -1,13 +1,8 @@
 """Composes a substitute's messages: what it does not compute, as consumers accept it."""
-import io
 import math
 import re
-import struct
-from typing import Any, Dict, Iterator, Mapping, Optional, Tuple, Type
+from typing import Any, Dict, Iterator, Mapping, Optional, Tuple
 
-import genpy
-
-from shsa_core.errors import ShsaError
 from shsa_core.model.field_type import FLOATS
 from shsa_core.model.kinds import Others
 from shsa_core.model.conventions import CONVENTIONS, GENERIC, Convention, Covariance, Mark
@@ -20,30 +15,7 @@ Written = Mapping[str, Optional[float]]
 """The fields that are computed, each with its standard deviation; None: not known."""
 
 
-def read_message(message_class: Type[genpy.Message], data: bytes) -> genpy.Message:
-    """Return the message that was serialized.
-
-    Raises ShsaError if the bytes are not one of this type, or not one and nothing else.
-    """
-    message = message_class()
-    again = io.BytesIO()
-    try:
-        message.deserialize(data)
-        message.serialize(again)
-    except (genpy.MessageException, struct.error, ValueError, OverflowError) as error:
-        raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {error}") from error
-    if len(again.getvalue()) != len(data):
-        rest = len(data) - len(again.getvalue())
-        raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {rest} are left over")
-    return message
-
-
-def compose(
-    message_class: Type[genpy.Message],
-    last: Optional[genpy.Message],
-    others: Others,
-    written: Written,
-) -> genpy.Message:
+def compose(message_class: Any, last: Optional[Any], others: Others, written: Written) -> Any:
     """Return a message in which all stands but the values of the fields `written`, and the stamp.
 
     It is made of `last`, which it takes. Every quaternion in it is of unit length. Its arrays are
@@ -58,7 +30,7 @@ def compose(
     return message
 
 
-def quaternions(message: genpy.Message) -> Iterator[genpy.Message]:
+def quaternions(message: Any) -> Iterator[Any]:
     """Every quaternion in a message."""
     if message._type == QUATERNION:
         yield message
@@ -66,7 +38,7 @@ def quaternions(message: genpy.Message) -> Iterator[genpy.Message]:
         yield from quaternions(value)
 
 
-def normalize(quaternion: genpy.Message) -> None:
+def normalize(quaternion: Any) -> None:
     """Make a quaternion one of unit length; one that has no direction becomes the identity."""
     q = quaternion
     length = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
@@ -84,7 +56,7 @@ class _Marking:
         self._written = written
         self._has_last = has_last
 
-    def mark(self, message: genpy.Message, path: str, forced: Optional[Mark]) -> None:
+    def mark(self, message: Any, path: str, forced: Optional[Mark]) -> None:
         """Mark the fields of a message at `path`; `forced`: by whom it is in."""
         convention = CONVENTIONS.get(message._type, GENERIC)
         matrices = [covariance.field for covariance in convention.covariances]
@@ -120,7 +92,7 @@ class _Marking:
             return value if self._has_last else math.nan
         return math.nan
 
-    def _fill(self, message: genpy.Message, path: str, covariance: Covariance) -> None:
+    def _fill(self, message: Any, path: str, covariance: Covariance) -> None:
         """Write the variances of what is computed, where known; of the rest, that it is not."""
         given = any(_within(each, _join(path, covariance.group)) for each in self._written)
         size = len(covariance.rows)
@@ -134,7 +106,7 @@ class _Marking:
         fixed = isinstance(getattr(message, covariance.field), list)
         setattr(message, covariance.field, entries if fixed else entries[0])
 
-    def _raise_flags(self, message: genpy.Message, path: str, convention: Convention) -> None:
+    def _raise_flags(self, message: Any, path: str, convention: Convention) -> None:
         for flag in convention.flags:
             if flag.unless and all(_join(path, name) in self._written for name in flag.unless):
                 continue
@@ -145,7 +117,7 @@ class _Marking:
             setattr(owner, last, flag.value)
 
 
-def _unlock(message: genpy.Message) -> None:
+def _unlock(message: Any) -> None:
     """Make lists of the tuples and bytes that arrays are when they were read."""
     for _, value in _messages(message):
         _unlock(value)
@@ -154,7 +126,7 @@ def _unlock(message: genpy.Message) -> None:
             setattr(message, name, list(getattr(message, name)))
 
 
-def _messages(message: genpy.Message) -> Iterator[Tuple[str, genpy.Message]]:
+def _messages(message: Any) -> Iterator[Tuple[str, Any]]:
     """Return the messages in a message, but for headers: the field, and each message in it."""
     for name, kind in zip(message.__slots__, message._slot_types):
         if "/" in kind and kind != HEADER:

@@ -1,0 +1,1 @@
+"""Other computers: what is said to their agents and by them, and both ends of that conversation."""

@@ -1,0 +1,81 @@
+"""The proof of a node that it holds the secret, and uses a master: text, signed with a nonce."""
+import hmac
+import json
+from typing import Any, FrozenSet, NamedTuple, Sequence
+
+from shsa_core.errors import ShsaError
+
+LONGEST = 1 << 16
+"""Characters of a proof."""
+
+
+class WrongSecret(ShsaError):
+    """The answer is by another secret than ours, or by none."""
+
+
+class Place(NamedTuple):
+    """A ROS master as one computer sees it.
+
+    `network`: that computer's, if the master is on it; else empty. `addresses`: by which others can
+    reach it: all of that computer's, if the master is on it.
+    """
+
+    network: str
+    addresses: FrozenSet[str]
+    port: int
+
+    def is_same(self, other: "Place") -> bool:
+        """Return whether this can only be the master that the other sees."""
+        if self.port != other.port:
+            return False
+        if self.network and other.network:
+            return self.network == other.network
+        return bool(self.addresses & other.addresses)
+
+    def __str__(self) -> str:
+        return f"{' or '.join(sorted(self.addresses)) or 'localhost'}, port {self.port}"
+
+
+class Proof(NamedTuple):
+    """The words of a computer about itself at the moment it is asked.
+
+    `boot`: the one that its messages name; `clock` and `wall`: its monotonic and wall clock, in ns.
+    """
+
+    boot: bytes
+    host: str
+    master: Place
+    clock: int
+    wall: int
+
+
+def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
+    """Write the proof that answers a nonce: its text, and the signature."""
+    fields: Any = proof._asdict()
+    fields["boot"] = proof.boot.hex()
+    fields["master"] = proof.master.network, sorted(proof.master.addresses), proof.master.port
+    text = json.dumps(fields)
+    return [text, _signature(secret, asked, text)]
+
+
+def read(secret: bytes, asked: str, answer: object) -> Proof:
+    """Read the proof in an answer. Raises ShsaError: it is none; WrongSecret: it is not by ours."""
+    pair = answer if isinstance(answer, (list, tuple)) else ()
+    if len(pair) != 2 or not all(isinstance(each, str) and len(each) < LONGEST for each in pair):
+        raise ShsaError("what it answers is no proof")
+    text, signature = pair
+    if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
+        raise WrongSecret("its secret is another than ours")
+    try:
+        fields = json.loads(text)
+        network, addresses, port = fields["master"]
+        fields["master"] = Place(network, frozenset(addresses), port)
+        fields["boot"] = bytes.fromhex(fields["boot"])
+        return Proof(**fields)
+    except (ValueError, TypeError, KeyError) as error:
+        raise ShsaError("its proof is of another version") from error
+
+
+def _signature(secret: bytes, asked: str, text: str) -> str:
+    key = hmac.digest(secret, b"proof", "sha256")
+    return hmac.digest(key, (asked + text).encode(), "sha256").hex()

@@ -1,0 +1,135 @@
+"""Signatures of messages, and what a reader of a topic refuses by them.
+
+A message that is signed ends with `boot`, `sent` and `signature` (shsa_msgs/Failure). The key is
+made of the secret and that boot. It stands for the present boot of a computer and for the ROS
+master: what was said in another boot, or to another robot's healing, is worth nothing here. `sent`
+is on the monotonic clock, which all processes of a computer share, and which neither jumps nor goes
+back: so a restarted sender is always ahead of what it said before. What another computer says is
+believed once it has proved itself, and its clock was compared with ours (`computers`).
+"""
+import heapq
+import hmac
+import struct
+import threading
+from typing import Callable, List, Optional, Set, Tuple
+from weakref import WeakKeyDictionary
+
+from shsa_core.trust.computers import Computer
+
+BOOT_B = 16
+SIGNATURE_B = 32
+NO_SIGNATURE = bytes(SIGNATURE_B)
+TRAILER = struct.Struct(f"<{BOOT_B}sQ{SIGNATURE_B}s")
+"""The last fields of a signed message: in which boot and when (ns) it was sent, and the signature.
+"""
+UNSIGNED = bytes(TRAILER.size)
+WRONG = "its signature is wrong"
+FOREIGN = f"{WRONG}: it is forged, or the secret of its computer is another than ours"
+TWICE = "it came twice"
+"""rospy may make two connections between the same two nodes for a moment: no reason to warn."""
+UNPROVEN = "its computer has not proved itself"
+REPEATED = "it was sent before, and is repeated"
+EARLY = "it was sent before we listened, as far as two clocks can be compared"
+FUTURE = "it is from the future"
+AHEAD_NS = 1_000_000_000
+AT_ONCE_NS = 1_000_000_000
+REMEMBERED = 4096
+"""So many signatures a reader knows again; what is older than the oldest is refused as well."""
+
+Find = Callable[[bytes], Optional[Computer]]
+"""The computer that has proved that a boot is its own."""
+
+
+class Seal:
+    """Signs the messages of one topic that are sent in one boot.
+
+    What is signed: boot and topic, by way of the key, and every byte before the signature.
+    """
+
+    def __init__(self, secret: bytes, boot: bytes, topic: str) -> None:
+        key = hmac.digest(secret, b"messages" + boot, "sha256")
+        self._key = hmac.digest(key, topic.encode(), "sha256")
+
+    def signature(self, data: bytes) -> bytes:
+        """Return the signature of what stands before it in a message."""
+        return hmac.digest(self._key, data, "sha256")
+
+    def is_on(self, data: bytes) -> bool:
+        """Return whether a message ends with its right signature."""
+        return hmac.compare_digest(data[-SIGNATURE_B:], self.signature(data[:-SIGNATURE_B]))
+
+
+class Verifier:
+    """Tells one reader of a topic what to refuse. `clock`: ns, of this computer.
+
+    Nothing that was sent before the reader began can be meant for it, and no message comes twice:
+    a repetition of what healing said is refused. From any thread.
+    """
+
+    def __init__(self, secret: bytes, topic: str, find: Find, clock: Callable[[], int]) -> None:
+        self._secret, self._topic, self._find, self._clock = secret, topic, find, clock
+        self._began = clock()
+        self._senders: "WeakKeyDictionary[Computer, _Sender]" = WeakKeyDictionary()
+        self._lock = threading.Lock()
+
+    def refusal(self, data: bytes) -> str:
+        """Return why a message is refused; empty: it is not. UNPROVEN: ask its sender, then again.
+
+        A stranger's message is never worth a question: its signature is wrong.
+        """
+        if data[-TRAILER.size :] == UNSIGNED or len(data) < TRAILER.size:
+            return "it is not signed"
+        boot, sent, signature = TRAILER.unpack_from(data, len(data) - TRAILER.size)
+        computer = self._find(boot)
+        sender = None if computer is None else self._sender(computer)
+        if computer is None or sender is None:
+            if not Seal(self._secret, boot, self._topic).is_on(data):
+                return FOREIGN
+            if computer is not None:
+                computer.is_doubted = True
+            return UNPROVEN
+        if not sender.seal.is_on(data):
+            return WRONG if computer.met is None else FOREIGN
+        now = computer.latest(self._clock())
+        if sent > now + AHEAD_NS:
+            # Another clock may have stood, or ours; our own is right by definition.
+            computer.is_doubted = computer.met is not None
+            return UNPROVEN if computer.is_doubted else FUTURE
+        with self._lock:
+            return sender.refusal(sent, signature, now)
+
+    def _sender(self, computer: Computer) -> Optional["_Sender"]:
+        """Return its sender; None: its clock was not compared since we began."""
+        with self._lock:
+            sender = self._senders.get(computer)
+            if sender is None and computer.was_compared(self._began):
+                floor = computer.latest(max(self._began, computer.since))
+                why = REPEATED if computer.met is None else EARLY
+                sender = _Sender(Seal(self._secret, computer.boot, self._topic), floor, why)
+                self._senders[computer] = sender
+        return sender
+
+
+class _Sender:
+    """The memory that a reader has of one boot's messages."""
+
+    def __init__(self, seal: Seal, floor: int, too_early: str) -> None:
+        self.seal = seal
+        self._floor, self._too_early = floor, too_early
+        self._order: List[Tuple[int, bytes]] = []
+        self._known: Set[bytes] = set()
+
+    def refusal(self, sent: int, signature: bytes, now: int) -> str:
+        """Return why a message of that time is refused; empty: it is not. `now`: on its clock."""
+        if signature in self._known and sent > now - AT_ONCE_NS:
+            return TWICE
+        if signature in self._known:
+            return REPEATED
+        if sent <= self._floor:
+            return self._too_early
+        self._known.add(signature)
+        heapq.heappush(self._order, (sent, signature))
+        if len(self._order) > REMEMBERED:
+            self._floor, oldest = heapq.heappop(self._order)
+            self._known.remove(oldest)
+        return ""
