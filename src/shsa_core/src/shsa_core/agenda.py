@@ -18,15 +18,13 @@ class Agenda(Generic[Key]):
         self._count = 0
 
     def set(self, key: Key, due: Optional[float]) -> None:
-        """Have `key` due at `due`, in s; None: no more."""
-        if due == self._due.get(key):
-            return
-        if due is None:
-            del self._due[key]
-            return
-        self._due[key] = due
-        self._count += 1  # so that keys need no order
-        heappush(self._heap, (due, self._count, key))
+        """Have `key` due at `due`, in s; None, or infinite: no more."""
+        if due is None or due == inf:
+            self._due.pop(key, None)
+        elif due != self._due.get(key):
+            self._due[key] = due
+            self._count += 1  # so that keys need no order
+            heappush(self._heap, (due, self._count, key))
 
     def bring_forward(self, key: Key, due: float) -> None:
         """Have `key` due at `due`, in s, or earlier if it was; never if that is infinite."""

@@ -1,5 +1,5 @@
 """A substitute advertises its topics, and tells others of them as seldom as that serves."""
-from typing import List
+from typing import Any, Dict, List
 
 from substitute_driver import PERIOD, signal
 
@@ -55,3 +55,21 @@ def test_what_is_not_needed_any_more_is_withdrawn_one_by_one() -> None:
     assert [len(topics) for topics in withdrawn] == [1] * 10
     run(advertising, 100.0)
     assert advertising.topics == ("/topic_7",)
+
+
+class Unread(Dict[str, Any]):
+    """May be asked for one topic, and not looked through."""
+
+    def __iter__(self) -> Any:
+        raise AssertionError("all topics were looked through")
+
+    items = values = keys = __iter__
+
+
+def test_what_is_not_due_costs_the_same_however_many_topics_there_are() -> None:
+    advertising = prepared()
+    run(advertising, 10.0)
+    advertising._topics["/topic_7"].ready = False
+    advertising._topics = Unread(advertising._topics)
+    advertising.advertised("/topic_7", 10.0)
+    assert advertising.next() > 10.0 and advertising.due(10.0) == []

@@ -32,7 +32,7 @@ from shsa_core.substitution.events import (
 )
 from shsa_testing.waiting import wait_until
 
-OURS, SOURCE, ORIGINAL = "/substitute_1", "/source", "/original"
+SOURCE, ORIGINAL = "/source", "/original"
 LARGE = 1 << 20
 NOBODY = 65534
 """A user that is not root."""
@@ -49,7 +49,7 @@ class Bench:
 
     def __init__(self) -> None:
         clock: Any = Time()
-        self.inputs = Inputs(OURS, clock)
+        self.inputs = Inputs(clock)
         self.subscriptions = self.inputs._subscriptions
         self.inbox = self.subscriptions.inbox
         self.ends: List[socket.socket] = []
@@ -200,13 +200,18 @@ def test_what_is_only_prepared_for_wakes_nobody_and_is_there_once_it_is_read(ben
     assert values(bench.take()) == [("/plan", 2.0)]
 
 
-def test_others_on_a_topic_are_heard_and_we_ourselves_never(bench: Bench) -> None:
+def test_nobody_connects_to_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://here:1/")
+    listener = HandedOver("/out", lambda _: None, lambda _: None)
+    assert listener.has_connection("http://here:1/")
+    assert not listener.has_connection("http://here:2/")
+
+
+def test_others_on_a_topic_are_heard(bench: Bench) -> None:
     bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
     original = bench.connect("/out", ORIGINAL, Float64Stamped)
-    ours = bench.connect("/out", OURS, Float64Stamped)
     stamped = Float64Stamped(data=3.0)
     stamped.header.stamp = rospy.Time(7, 5)
-    say(ours, stamped)
     say(original, stamped)
     assert bench.is_woken()
     (heard,) = bench.take()

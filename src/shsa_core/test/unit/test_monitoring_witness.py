@@ -5,12 +5,14 @@ from typing import Any, Dict, List, Optional, Set
 
 import pytest
 
+from shsa_core.derivations.agreement import _agree as agree
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
+from shsa_core.model.samples import WitnessSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Connected, Disconnected, Message, SomChanged, Tick
@@ -329,3 +331,12 @@ def test_a_value_out_of_its_range_that_others_confirm_accuses_the_som(ontology: 
     assert "the range in the SOM may be wrong, and not the node" in told
     robot.run(5.0, current=40.0)
     assert robot.kinds() == {"current": "out_of_range"}
+
+
+def test_two_witnesses_agree_within_the_errors_of_both() -> None:
+    """Errors of 3 and 4 that know nothing of each other allow 5."""
+    exact, rough = (WitnessSample("x", 20.0, 0.0, 20.0, (), each) for each in (3.0, 4.0))
+    for samples in ([exact, rough], [rough, exact]):
+        assert agree(4.9, samples) and not agree(5.1, samples)
+    assert not agree(4.9, [exact, replace(rough, mean=4.9)]), "it is as far from the sensor"
+    assert not agree(4.9, [exact, replace(rough, allowed=None)])

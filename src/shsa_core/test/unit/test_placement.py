@@ -204,6 +204,22 @@ def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
 
 
+def test_a_computer_is_in_doubt_while_it_has_just_come_back() -> None:
+    hosts = Computers()
+    assert not hosts.doubted(PI, 0.0)
+    hosts.seen(0.0, PI, 0.0, 4.0)
+    assert not hosts.doubted(PI, 0.0), "it was never lost"
+    hosts.lose(PI, 5.0, "silent")
+    hosts.seen(10.0, PI, 0.0, 4.0)
+    assert hosts.doubted(PI, 10.0 + CERTAIN_S) and not hosts.doubted(PI, 10.1 + CERTAIN_S)
+    for time in (11.0, 12.0, 13.0):
+        hosts.seen(time, PI, 0.0, 4.0)
+    hosts.doubt(PI, 13.2)
+    assert hosts.doubted(PI, 13.2)
+    hosts.seen(14.0, PI, 0.0, 4.0)
+    assert not hosts.doubted(PI, 14.0)
+
+
 def test_a_computer_that_was_never_heard_can_be_lost() -> None:
     hosts = Computers()
     assert hosts.lose(PI, 1.0, "") and hosts.lost(PI) == "nothing is heard of it"

@@ -10,8 +10,10 @@ from shsa_testing.models import law, ontology, random_model, service, som_of
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import NoSubstitute
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import Deadlines, Provision, Service
+from shsa_core.model.som import Som
 from shsa_core.planning.plan_table import PlanTable
+from shsa_core.planning.planner import Planner
 from shsa_testing.thorough import many
 
 ROBOT = ontology(
@@ -172,3 +174,15 @@ def searched(robot: Ontology, each: Service, ready: PlanTable) -> Optional[Plan]
         return plan_service(robot, each, ready.sources, ready.to_avoid(each.name))
     except NoSubstitute:
         return None
+
+
+def test_a_plan_is_carried_out_with_the_periods_that_the_som_has_now() -> None:
+    read = LEFT.sources
+    planner = Planner(ROBOT, Som(ALL), {}, "best", Deadlines())
+    (before,) = planner.signals(read)
+    planner.som = Som([replace(each, period=0.5) if each is LEFT else each for each in ALL])
+    (slower,) = planner.signals(read)
+    assert (before.period, slower.period) == (LEFT.period, 0.5)
+    planner.som = Som([RIGHT])
+    (gone,) = planner.signals(read)
+    assert (gone.period, gone.node) == (LEFT.period, LEFT.node), "it is read as it was"

@@ -36,6 +36,7 @@ def test_one_that_is_never_heard_holds_nobody_up_for_good() -> None:
     assert not starts.may(1.0, "next")
     assert starts.deadline == 1.0 + START_S
     assert starts.due(1.0 + START_S) == ["next"]
+    assert not starts.waiting, "each has one turn"
     assert starts.deadline is None
 
 

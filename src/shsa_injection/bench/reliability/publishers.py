@@ -33,6 +33,8 @@ def hang(rig: Rig, rng: random.Random) -> Figures:
     failed = rig.hang("/first")
     incident = rig.await_healed("/a", failed)
     wait_until(lambda: rig.nodes["/first"].poll() is not None, 5.0, "it is killed")
+    is_told = lambda: not (rig.healing.latest("/a") or incident).killed.is_zero()
+    wait_until(is_told, 5.0, "that is told")
     incident = rig.healing.latest("/a") or incident
     last, seen, killed = (
         moment_of(stamp) for stamp in (incident.last_good, incident.detected, incident.killed)

@@ -20,14 +20,12 @@ from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherH
 class Inputs:
     """Events for one thread: what others put, and what that thread reads from the connections.
 
-    `name`: of the substitute. `rests`: the priority of the process while what it does does not
-    matter; None: it is left as it is.
+    `rests`: the priority of the process while what it does does not matter; None: it is left as it
+    is.
     """
 
-    def __init__(
-        self, name: str, robot_clock: clock.RobotClock, rests: Optional[int] = None
-    ) -> None:
-        self._name, self._rests = name, rests
+    def __init__(self, robot_clock: clock.RobotClock, rests: Optional[int] = None) -> None:
+        self._rests = rests
         self._subscriptions = Subscriptions(robot_clock.now, _refused, self._wakes)
         self._inbox = self._subscriptions.inbox
         self._hurries = True
@@ -90,9 +88,7 @@ class Inputs:
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
                 events += self._arrived(happening)
-            elif isinstance(happening, Gone) and self._is_other(
-                happening.topic, happening.publisher
-            ):
+            elif isinstance(happening, Gone) and happening.topic in self._overheard:
                 events.append(OtherGone(*happening))
         if reads or not all(isinstance(event, OtherHeard) for event in events):
             for key in [key for key in self._newest if key[0] in self._read]:
@@ -119,13 +115,10 @@ class Inputs:
     def _wakes(self, topic: str) -> bool:
         return self._hurries and (topic in self._read or topic in self._overheard)
 
-    def _is_other(self, topic: str, publisher: str) -> bool:
-        return topic in self._overheard and publisher != self._name
-
     def _arrived(self, arrived: Arrived) -> List[Event]:
         connection, topic = arrived.connection, arrived.connection.topic
         events: List[Event] = []
-        if self._is_other(topic, connection.publisher):
+        if topic in self._overheard:
             events += self._other(arrived)
         if topic in self._fields:
             if self._hurries and topic in self._read:

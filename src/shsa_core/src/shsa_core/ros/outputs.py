@@ -72,8 +72,8 @@ class Outputs:
         return [] if publisher is None else connections_of(publisher)
 
     def connected(self, topic: str) -> FrozenSet[str]:
-        """Return the consumers that are connected to a topic."""
-        return frozenset(each.endpoint_id for each in self._connections(topic))
+        """Return the consumers that are connected to a topic, and this node, which need not be."""
+        return frozenset((rospy.get_name(), *(c.endpoint_id for c in self._connections(topic))))
 
     def compose(self, command: Compose) -> None:
         """Have the messages of a topic start from its last good one, as far as it can be read."""

@@ -58,7 +58,7 @@ class SubstituteNode:
         machine_name = "sharing" if row.shared else "substitution"
         journal = os.environ.get(JOURNAL, "")
         self._answer, self._close = recorded(journal, machine_name, {}, self._core.handle)
-        self._inputs = Inputs(row.node, self._clock, rests)
+        self._inputs = Inputs(self._clock, rests)
         self._inputs.read(signal.topic for signal in row.inputs)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")

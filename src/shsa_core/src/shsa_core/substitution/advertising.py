@@ -5,8 +5,10 @@ Then each end drops a connection, now and then not the same one, and none is lef
 would ever tell it again. And the master tells nobody of anything while three subscribers hang.
 """
 import math
+from itertools import count
 from typing import Collection, Dict, Iterable, List, Tuple
 
+from shsa_core.agenda import Agenda
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import (
     Advertise,
@@ -34,12 +36,8 @@ class _Topic:
         self.leaves = math.inf
 
     def remind_from(self, now: float) -> None:
-        self.reminders = [now + each for each in ANNOUNCE_S if self.hurries or each >= TOGETHER_S]
-
-    @property
-    def next(self) -> float:
-        """Return when something is due next."""
-        return min([*self.reminders[:1], self.leaves])
+        pauses = ANNOUNCE_S if self.ready else ()
+        self.reminders = [now + each for each in pauses if self.hurries or each >= TOGETHER_S]
 
 
 class Advertising:
@@ -47,6 +45,12 @@ class Advertising:
 
     def __init__(self) -> None:
         self._topics: Dict[str, _Topic] = {}
+        self._due: Agenda[str] = Agenda()
+
+    def _expect(self, name: str) -> None:
+        """Look at a topic again when something of it is due."""
+        topic = self._topics[name]
+        self._due.set(name, min([*topic.reminders[:1], topic.leaves]))
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -66,21 +70,20 @@ class Advertising:
                 commands.append(Advertise(each.topic, each.type, each.latched))
         return commands
 
-    def leave_all_but(self, wanted: Collection[str], now: float) -> None:
-        """Withdraw all topics but those `wanted`."""
+    def leave_all_but(self, wanted: Collection[str], begin: float) -> None:
+        """Withdraw all topics but those `wanted`, one after the other from a moment on."""
+        moments = count(begin, WITHDRAW_PAUSE_S)
         for name, topic in self._topics.items():
-            topic.leaves = math.inf if name in wanted else now
+            topic.leaves = math.inf if name in wanted else next(moments)
+            self._expect(name)
 
     def hurry(self, output: Signal, now: float) -> List[Command]:
         """Advertise the topic of `output`, and soon no others."""
         commands = self.prepare([output])
         topic = self._topics[output.topic]
-        topic.hurries, topic.leaves = True, math.inf
-        if topic.ready:
-            topic.remind_from(now)
-        others = (other for other in self._topics.values() if other is not topic)
-        for number, other in enumerate(others):
-            other.leaves = now + WITHDRAW_DELAY_S + number * WITHDRAW_PAUSE_S
+        topic.hurries = True
+        topic.remind_from(now)
+        self.leave_all_but([output.topic], now + WITHDRAW_DELAY_S)
         return commands
 
     def advertised(self, name: str, now: float) -> List[Command]:
@@ -90,6 +93,7 @@ class Advertising:
             return []  # it was withdrawn meanwhile
         topic.ready = True
         topic.remind_from(now)
+        self._expect(name)
         return [Announce(name, topic.type)] if topic.hurries else []
 
     def due(self, now: float) -> List[Command]:
@@ -98,23 +102,21 @@ class Advertising:
         With one go those without a hurry that would be due soon: one call to the master tells of
         all topics.
         """
-        commands: List[Command] = []
-        leaving = tuple(name for name, topic in self._topics.items() if topic.leaves <= now)
+        due = self._due.pop_due(now)
+        leaving = tuple(name for name in due if self._topics[name].leaves <= now)
         for name in leaving:
             del self._topics[name]
         remind = []
-        if any(topic.next <= now for topic in self._topics.values()):
-            for name, topic in self._topics.items():
-                reached = now if topic.hurries else now + TOGETHER_S
-                later = [each for each in topic.reminders if each > reached]
-                remind += [name] if len(later) < len(topic.reminders) else []
-                topic.reminders = later
-        if remind:
-            commands.append(Remind(tuple(remind)))
-        if leaving:
-            commands.append(Withdraw(leaving))
-        return commands
+        for name, topic in self._topics.items() if len(leaving) < len(due) else ():
+            reached = now if topic.hurries else now + TOGETHER_S
+            later = [each for each in topic.reminders if each > reached]
+            remind += [name] if len(later) < len(topic.reminders) else []
+            topic.reminders = later
+            self._expect(name)
+        commands: List[Command] = [Remind(tuple(remind))] if remind else []
+        return commands + ([Withdraw(leaving)] if leaving else [])
 
     def next(self) -> float:
         """Return when something is due next; infinite: never."""
-        return min((topic.next for topic in self._topics.values()), default=math.inf)
+        due = self._due.next()
+        return math.inf if due is None else due

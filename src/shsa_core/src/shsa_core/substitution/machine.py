@@ -89,8 +89,7 @@ class Substitute:
         due = self.reads_at if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         others = self._others.next(self._now, not self._hands_over)
-        alone = self._alone.look
-        return min(due, self._handover.next(), self._advertising.next(), others, alone)
+        return min(due, self._handover.next(), self._advertising.next(), others, self._alone.look)
 
     @property
     def topics(self) -> Tuple[str, ...]:
@@ -108,9 +107,8 @@ class Substitute:
 
         Else it may be told later, and of each input the newest alone.
         """
-        job = self._job
         waits = self._others.heals or self._voice is not Voice.MUTED
-        return job is not None and (waits or job.period is None)
+        return self._job is not None and (waits or self._job.period is None)
 
     @property
     def reads_at(self) -> float:

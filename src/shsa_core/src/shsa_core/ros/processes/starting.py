@@ -30,7 +30,7 @@ PACKAGE = "shsa_core"
 LIMITS = {
     "core": (resource.RLIMIT_CORE, 0),
     "data": (resource.RLIMIT_DATA, 8 * 1024**3),
-    "nofile": (resource.RLIMIT_NOFILE, 4096),
+    "nofile": (resource.RLIMIT_NOFILE, 16384),
 }
 """Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
 INHERITED = (

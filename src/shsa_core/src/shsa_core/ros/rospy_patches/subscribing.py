@@ -145,6 +145,10 @@ class HandedOver(_SubscriberImpl):
             manager._add(self, manager.subs, Registration.SUB)
             return rospy.Subscriber(self._topic, rospy.AnyMsg)
 
+    def has_connection(self, endpoint_id: str) -> bool:
+        """Called by rospy before it connects: nobody needs to hear itself."""
+        return endpoint_id == rospy.get_node_uri() or bool(super().has_connection(endpoint_id))
+
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection; it may replace one to the same publisher."""
         made, weak = self._made, weakref.ref(transport)
