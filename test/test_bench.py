@@ -25,10 +25,19 @@ ROWS = {
     "large_robots": {"10"},
     "endurance": {"/monitor", "/reconfigurator", "prepared", *(f"lost_{n}" for n in range(2, 8))},
     "load": {"nine nodes"},
+    "large_recordings": {"50000", "400000"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 HEALTHY = ("healthy_traffic", "healthy_robots", "healthy_nodes")
-UNDRAWN = (*HEALTHY, "large_messages", "kilohertz", "large_robots", "load", "endurance")
+UNDRAWN = (
+    *HEALTHY,
+    "large_messages",
+    "kilohertz",
+    "large_robots",
+    "load",
+    "endurance",
+    "large_recordings",
+)
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 
