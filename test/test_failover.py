@@ -156,13 +156,16 @@ def test_without_rosmon_its_row_is_left_out_and_said(
 def test_goals_and_picture_of_what_was_measured(
     tmp_path: Path, capsys: "pytest.CaptureFixture[str]"
 ) -> None:
+    of_steps = (0.0, 4.0, 2.0, 1.0, 0.0, 0.0, 3.0)
     rows = {
-        "hot": [Takeover(27.0, 29.0, 20.0, waited_ms=9.0, substitute="/s")],
+        "hot": [Takeover(27.0, 29.0, 20.0, 9.0, *of_steps, substitute="/s")],
         "hot, SIGSTOP": [Takeover(50.0, 61.0, 45.0, waited_ms=9.0, substitute="/s")],
         "respawn, rospy, SIGSTOP": [Takeover(inf, inf, inf)],
     }
     verdicts = {row[0] + row[1]: row[-1] for row in failover.judge(rows).rows}
     assert verdicts == {
+        "hot: median until the first messagerospy": "not met",
+        "hot: p95 until the first messagerospy": "met",
         "hot: p95, 1 period + 8 msrospy": "met",
         "hot: p95, 1 period + 8 msroscpp": "not met",
         "hot, SIGSTOP: p95, 3 periodsrospy": "met",

@@ -41,8 +41,12 @@ def test_it_starts_alone() -> None:
 
 @pytest.mark.parametrize("wanted", [False, True])
 def test_healing_needs_no_view(tmp_path: Path, wanted: bool) -> None:
-    for name in ("shsa_core", "shsa_msgs"):
-        (tmp_path / name).symlink_to(SOURCES / name)
+    (tmp_path / "shsa_msgs").symlink_to(SOURCES / "shsa_msgs")
+    core = tmp_path / "shsa_core"
+    core.mkdir()
+    nodes = SOURCES / "shsa_core" / "nodes"
+    for each in (*nodes.parent.iterdir(), nodes / "launch_arguments"):  # as an installed package
+        (core / each.name).symlink_to(each)
     kept = [
         each for each in os.environ["CMAKE_PREFIX_PATH"].split(":") if each == "/opt/ros/noetic"
     ]
