@@ -35,7 +35,7 @@ LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
 PRECISE = (
     *("deadline", "takeover", "heal_amperemeter", "heal_plain_topics"),
-    *("failover", "test_master"),
+    *("failover", "test_master", "monitor_detection", "substitute", "init"),
 )
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
 LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
