@@ -77,7 +77,7 @@ docs: build
 	@echo "[docs] $(CURDIR)/build/docs/index.html"
 
 deb: setup
-	@tools/deb
+	@$(PYTHON) tools/deb
 
 bench: build
 	@$(ENV) && tools/bench
