@@ -5,7 +5,6 @@
 Prints the goals; leaves large_recordings.csv and large_recordings_goals.csv. Each is read in a
 process of its own; what it takes to make the rows is not counted.
 """
-import csv
 import multiprocessing
 import resource
 from itertools import cycle, islice
@@ -13,7 +12,7 @@ from time import perf_counter
 from typing import Any, Dict, List
 
 import numpy as np
-from report import Goals, arguments, print_table
+from report import Goals, arguments, print_table, write_table
 from tqdm import tqdm
 
 from shsa_learning.recordings import csv_files
@@ -82,10 +81,8 @@ def main() -> None:
             found.append(pool.apply(read, (rows,)))
             pool.close()
             pool.join()
-    with open(options.results / "large_recordings.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(found)
+    table = [list(row.values()) for row in found]
+    write_table(options.results / "large_recordings.csv", COLUMNS, table)
     told = [[f"{row[name]:,.10g}" for name in COLUMNS] for row in found]
     print_table(f"Recordings of {NUMBERS} values a row", COLUMNS, told)
     goals, (small, large) = Goals(), found

@@ -4,7 +4,6 @@ Once of a real robot at 5 Hz, whose rows change once a second, and once as the s
 rows change ten times a second, the most that it tells. The goal for the robot: 60 frames a second.
 Writes results/bench/view_frames.csv.
 """
-import csv
 import sys
 import threading
 import time
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Dict, List
 
 from graph import Graph, ask_to_leave
-from report import Goals, arguments, print_table
+from report import Goals, arguments, print_table, write_table
 from view_price import TOPICS, started
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "test" / "browser"))
@@ -90,11 +89,8 @@ def main() -> None:
         browser.close()
         for process in reversed([*processes.values()]):
             ask_to_leave(process)
-    with open(options.results / "view_frames.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
     told = [[str(row[name]) for name in COLUMNS] for row in rows]
+    write_table(options.results / "view_frames.csv", COLUMNS, told)
     print_table(f"Frames of the view of {TOPICS} services", COLUMNS, told)
     goals = Goals()
     measured = float(str(rows[-1]["frames_per_s"]))

@@ -5,7 +5,6 @@ goal: with one page less than 5 % of a core, and at most 10 events a second.
 Writes results/bench/view_price.csv.
 """
 import argparse
-import csv
 import json
 import socket
 import subprocess
@@ -19,7 +18,7 @@ from typing import Any, Dict, List
 import psutil
 
 from graph import BENCH, MONITOR, Graph, ask_to_leave, service, write_som
-from report import Goals, print_table
+from report import Goals, print_table, write_table
 from shsa_testing.waiting import wait_until
 
 TOPICS, SOURCES = 200, 4
@@ -146,11 +145,9 @@ def main() -> None:
                 rows.append({"readers": readers, "round": number + 1, **found})
         for process in reversed([*processes.values()]):
             ask_to_leave(process)
-    with open(options.results / "view_price.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
-    print_table("The view's price", COLUMNS, [[str(row[name]) for name in COLUMNS] for row in rows])
+    told = [[str(row[name]) for name in COLUMNS] for row in rows]
+    write_table(options.results / "view_price.csv", COLUMNS, told)
+    print_table("The view's price", COLUMNS, told)
     goals = Goals()
     seen = [row for row in rows if row["readers"] == 1]
     for goal, column, most, unit in (

@@ -10,7 +10,6 @@ from core_robot import Robot, function, service
 from shsa_core.codegen.fusion import fuse, fusions_of
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.files.ontology_file import load_ontology
 from shsa_core.healing import events
 from shsa_core.derivations import settings
 from shsa_core.derivations.fusions import shares
@@ -31,6 +30,7 @@ from shsa_core.monitoring.events import (
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.search.derivation import Derivation
+from shsa_testing.models import ontology_in
 
 PERIOD = 0.2
 JUDGED_S = settings.FUSED * settings.ERRORS_APART * settings.SAMPLE_S
@@ -44,11 +44,7 @@ relations:
 
 @pytest.fixture(scope="module")
 def ontology(tmp_path_factory: Any) -> Ontology:
-    path = tmp_path_factory.mktemp("model") / "ontology.yaml"
-    path.write_text(ONTOLOGY)
-    found, errors = load_ontology(str(path))
-    assert errors == []
-    return found
+    return ontology_in(tmp_path_factory.mktemp("model"), ONTOLOGY)
 
 
 def measured(name: str, needed: bool = False) -> Service:

@@ -9,7 +9,6 @@ import pytest
 from shsa_core.codegen.plans import plan_witness
 from shsa_core.derivations import settings
 from shsa_core.errors import ShsaError
-from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
@@ -31,6 +30,7 @@ from shsa_core.monitoring.events import (
 )
 from shsa_core.monitoring.machine import Monitor
 from shsa_core.search.derivation import SourceTable
+from shsa_testing.models import ontology_in
 
 PERIOD = 0.05
 ONTOLOGY = """
@@ -52,11 +52,7 @@ GAIN, OFFSET = 1.2, 0.5
 
 @pytest.fixture(scope="module")
 def ontology(tmp_path_factory: Any) -> Ontology:
-    path = tmp_path_factory.mktemp("model") / "ontology.yaml"
-    path.write_text(ONTOLOGY)
-    found, errors = load_ontology(str(path))
-    assert errors == []
-    return found
+    return ontology_in(tmp_path_factory.mktemp("model"), ONTOLOGY)
 
 
 def service(name: str, needed: bool = False, **more: Any) -> Service:

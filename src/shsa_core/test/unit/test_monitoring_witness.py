@@ -6,7 +6,6 @@ from typing import Any, Dict, List, Optional, Set
 import pytest
 
 from shsa_core.derivations.agreement import _agree as agree
-from shsa_core.files.ontology_file import load_ontology
 from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.health import PublisherHealth
@@ -18,6 +17,7 @@ from shsa_core.model.som import Som
 from shsa_core.monitoring.events import Connected, Disconnected, Message, SomChanged, Tick
 from shsa_core.monitoring.machine import Monitor
 from shsa_testing.failures import failures_in
+from shsa_testing.models import ontology_in
 
 PERIOD = 0.02
 ONTOLOGY = """
@@ -30,11 +30,7 @@ relations:
 
 @pytest.fixture(scope="module")
 def ontology(tmp_path_factory: Any) -> Ontology:
-    path = tmp_path_factory.mktemp("model") / "ontology.yaml"
-    path.write_text(ONTOLOGY)
-    found, errors = load_ontology(str(path))
-    assert errors == []
-    return found
+    return ontology_in(tmp_path_factory.mktemp("model"), ONTOLOGY)
 
 
 def service(name: str, limit: Optional[float] = None) -> Service:
@@ -196,18 +192,13 @@ def with_known_errors() -> List[Service]:
 @pytest.fixture(scope="module")
 def judged(tmp_path_factory: Any) -> Ontology:
     """The same laws, with errors: 4 times the rms of both is 1.3 A by power, and 0.9 A by draw."""
-    path = tmp_path_factory.mktemp("judged") / "ontology.yaml"
-    path.write_text(
-        """
+    text = """
 properties: {power: {}, voltage: {}, current: {}, draw: {}}
 relations:
   power: {current: {function: power / voltage, error: 0.3}}
   draw: {current: {function: 2 * draw, error: 0.2}}
 """
-    )
-    found, errors = load_ontology(str(path))
-    assert errors == []
-    return found
+    return ontology_in(tmp_path_factory.mktemp("judged"), text)
 
 
 def healthy(robot: Robot) -> Dict[str, str]:

@@ -176,6 +176,5 @@ def test_who_has_the_port_of_a_dead_publisher_is_held_up_for_a_moment_alone(
         with caller:
             caller.settimeout(10.0)
             assert caller.recv(4) == b"POST"
-            while caller.recv(4096):
-                pass  # it has not ended
+            wait_until(lambda: not caller.recv(4096), 10.0, "the call has ended")
     subscriber.unregister()

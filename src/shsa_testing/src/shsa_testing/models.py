@@ -1,11 +1,13 @@
 """Small and random ontologies for the tests of the search, and the rule for best, spelled out."""
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 from random import Random
 from typing import Dict, Iterable, Iterator, List, Optional, Sequence, Tuple
 
 from hypothesis import strategies as st
 
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.relation import TransferFunction
@@ -59,6 +61,13 @@ def ontology(*functions: TransferFunction) -> Ontology:
     """The ontology of these functions."""
     names = {name for f in functions for name in (f.output, *f.inputs)}
     return Ontology({name: Property(name) for name in sorted(names)}, {}, functions)
+
+
+def ontology_in(folder: Path, text: str) -> Ontology:
+    """The ontology of a file of this text, made in a folder."""
+    path = folder / "ontology.yaml"
+    path.write_text(text)
+    return read_ontology(str(path))
 
 
 Rank = Tuple[Fraction, int, int, List[Tuple[str, str]]]
