@@ -12,12 +12,14 @@ from typing import Any, Dict, List
 
 import psutil
 import pytest
+import rospy
 
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.rospy_patches import log_queue
 from shsa_core.ros.rospy_patches.log_queue import say_failures_once
 from shsa_core.ros.settings import LOG_LINES
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.master import announce
+from shsa_core.ros.workers import UrgentFirst, Workers
 from shsa_testing.waiting import wait_until
 
 
@@ -43,6 +45,36 @@ def test_calls_are_made_side_by_side_and_no_more_than_are_allowed() -> None:
     assert max(most) == 6
 
 
+def test_what_is_urgent_waits_for_no_call_that_is_not() -> None:
+    made: List[str] = []
+    calls = UrgentFirst("test", pause=3600.0)
+    calls.put("/first", lambda: made.append("/first"))
+    for number in range(2000):
+        calls.put("/other", lambda: made.append("/other"))
+    calls.put("/needed", lambda: made.append("advertise"))
+    calls.put("/needed", lambda: made.append("withdraw"))
+    wait_until(lambda: made == ["/first"], 5.0, "the others rest after the first")
+    calls.urge(["/needed"])
+    wait_until(lambda: len(made) >= 3, 5.0, "what has become urgent is called")
+    assert made[1:3] == ["advertise", "withdraw"]
+    calls.put("/needed", lambda: made.append("again"))
+    wait_until(lambda: "again" in made, 5.0, "what comes later is called")
+    assert made.count("/other") <= 2, "one may have its turn after what was urgent"
+
+
+def test_what_is_registered_is_read_while_another_thread_registers() -> None:
+    read = threading.Event()
+
+    def look() -> None:
+        announce._registered()
+        read.set()
+
+    with rospy.topics.get_topic_manager().lock:
+        threading.Thread(target=look, daemon=True).start()
+        assert not read.wait(0.2), "a dictionary that changes cannot be read"
+    assert read.wait(5.0)
+
+
 def test_a_call_that_raises_is_said_and_the_next_is_made() -> None:
     said: List[str] = []
     done = threading.Event()
@@ -62,7 +94,8 @@ def test_where_no_thread_can_be_started_calls_are_still_made() -> None:
     """Memory for their stacks is what lacks: the limit on processes does not count for root."""
     script = """
 import resource, sys, threading, time
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.master import announce
+from shsa_core.ros.workers import UrgentFirst, Workers
 said, made = [], []
 workers = Workers("test", 50, said.append)
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()

@@ -1,7 +1,7 @@
 """The topics that a substitute has advertised: one publisher a topic."""
 import threading
 from contextlib import suppress
-from typing import Any, Callable, Dict, FrozenSet, Iterable, List
+from typing import Any, Callable, Dict, FrozenSet, List
 
 import genpy
 import rospy
@@ -50,13 +50,12 @@ class Outputs:
             self._advertised(topic)
         self._report(topic)
 
-    def withdraw(self, topics: Iterable[str]) -> None:
-        """Publish on these topics no more; waits for the master."""
-        for topic in topics:
-            with self._lock:
-                publisher = self._publishers.pop(topic)
-                self._seen.pop(topic, None)
-            publisher.unregister()
+    def withdraw(self, topic: str) -> None:
+        """Publish on a topic no more; waits for the master."""
+        with self._lock:
+            publisher = self._publishers.pop(topic)
+            self._seen.pop(topic, None)
+        publisher.unregister()
 
     def _report(self, topic: str, *_: Tell) -> None:
         """Say who has joined since the last look."""

@@ -1,7 +1,6 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
 import os
 import sys
-import threading
 import time
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
@@ -29,7 +28,7 @@ from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import substitution_row
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.workers import UrgentFirst, Workers
 from shsa_core.substitution import events, machine, sharing
 from shsa_core.substitution.signals import JOURNAL, SHARED, VARIABLE, decode
 
@@ -49,7 +48,6 @@ class SubstituteNode:
         self._name = row.node
         self._row = row
         self._rows = RowReader(row.node, row.idle)
-        self._hurry = threading.Event()
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
         self._core: Union[machine.Substitute, sharing.Sharing] = (
@@ -59,7 +57,9 @@ class SubstituteNode:
         journal = os.environ.get(JOURNAL, "")
         self._answer, self._close = recorded(journal, machine_name, {}, self._core.handle)
         self._inputs = Inputs(self._clock, rests)
-        self._inputs.read(signal.topic for signal in row.inputs)
+        pause = settings.TURN_S if row.shared else settings.PAUSE_S
+        self._registrations = UrgentFirst("registrations", pause)
+        self._read(row)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")
         self._heart = Heart(hearer(self._host))
@@ -67,7 +67,6 @@ class SubstituteNode:
             lambda topic: put(events.Advertised(self._clock.now(), topic)),
             lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
         )
-        self._registrations = Workers("registrations")
         self._telling = Workers("telling")
         self._calls = Workers("calls")
         self._looks = Workers("looks")
@@ -76,15 +75,13 @@ class SubstituteNode:
             events.Command,
             {
                 events.Listen: self._listen,
-                events.Overhear: lambda c: self._register(
-                    lambda: self._inputs.overhear(c.topic, c.type)
+                events.Overhear: lambda c: self._registrations.put(
+                    c.topic, lambda: self._inputs.overhear(c.topic, c.type)
                 ),
-                events.Advertise: lambda c: self._register(
-                    lambda: self._outputs.advertise(c.topic, c.type, c.latched)
+                events.Advertise: lambda c: self._registrations.put(
+                    c.topic, lambda: self._outputs.advertise(c.topic, c.type, c.latched)
                 ),
-                events.Withdraw: lambda c: self._registrations.put(
-                    lambda: self._outputs.withdraw(c.topics)
-                ),
+                events.Withdraw: self._withdraw,
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Announce: lambda c: self._call(
@@ -155,11 +152,15 @@ class SubstituteNode:
 
     def _changed(self, event: events.Event) -> None:
         if isinstance(event, events.RowChanged) and not event.row.idle:
-            row = event.row
-            self._inputs.read(signal.topic for signal in row.inputs)
-            if row.publishing or not row.shared:
-                self._hurry.set()
+            self._read(event.row)
         self._inputs.put(event)
+
+    def _read(self, row: Substitution) -> None:
+        """Have the inputs of a program read, and its topics registered first if it matters now."""
+        topics = [signal.topic for signal in row.inputs]
+        self._inputs.read(topics)
+        if row.publishing or not row.shared:
+            self._registrations.urge((*topics, *row.topics))
 
     def _failed(self, failure: msg.Failure) -> None:
         told = failure.topic, failure.kind, bytes(failure.last_message)
@@ -169,7 +170,11 @@ class SubstituteNode:
 
     def _listen(self, command: events.Listen) -> None:
         for signal in command.inputs:
-            self._register(partial(self._inputs.listen, signal))
+            self._registrations.put(signal.topic, partial(self._inputs.listen, signal))
+
+    def _withdraw(self, command: events.Withdraw) -> None:
+        for topic in command.topics:
+            self._registrations.put(topic, partial(self._outputs.withdraw, topic))
 
     @cached_property
     def _to_monitor(self) -> Heart:
@@ -200,13 +205,6 @@ class SubstituteNode:
             heard = self._inputs.last(command.topic) or command.last_message
             command = replace(command, last_message=heard)
         self._outputs.compose(command)
-
-    def _register(self, call: Callable[[], None]) -> None:
-        """Make a call to the master; who is in no hurry makes room for others after it."""
-        self._registrations.put(call)
-        if self._rows.idle or self._row.shared:
-            pause = settings.TURN_S if self._row.shared else settings.PAUSE_S
-            self._registrations.put(lambda: self._hurry.wait(pause))
 
     def _publish(self, command: events.Publish) -> None:
         try:

@@ -2,7 +2,7 @@
 import queue
 import threading
 import time
-from typing import Any, Callable
+from typing import Any, Callable, FrozenSet, Iterable, List, Tuple
 
 import rospy
 
@@ -73,3 +73,47 @@ class Workers:
         if now >= self._said + settings.LONGEST_PAUSE_S:
             self._said = now
             self._failed(text)
+
+
+class UrgentFirst:
+    """Makes calls about topics in order, one at a time; those about an urgent one before others.
+
+    After each other call it rests for `pause` s, or until an urgent one comes.
+    """
+
+    def __init__(self, name: str, pause: float) -> None:
+        self._workers = Workers(name)
+        self._changed = threading.Condition()
+        self._calls: List[Tuple[str, Call]] = []
+        self._urgent: FrozenSet[str] = frozenset()
+        self._pause = pause
+
+    def urge(self, topics: Iterable[str]) -> None:
+        """Take these topics to be urgent from now on."""
+        with self._changed:
+            self._urgent = self._urgent.union(topics)
+            self._changed.notify()
+
+    def put(self, topic: str, call: Call) -> None:
+        """Make a call as soon as it is its turn; returns at once."""
+        with self._changed:
+            self._calls.append((topic, call))
+            self._changed.notify()
+        self._workers.put(self._make)
+
+    def _make(self) -> None:
+        with self._changed:
+            topic, call = self._calls.pop(self._next())
+        try:
+            call()
+        finally:
+            with self._changed:
+                if topic not in self._urgent:
+                    self._changed.wait_for(self._hurries, self._pause)
+
+    def _next(self) -> int:
+        places = enumerate(self._calls)
+        return next((place for place, (topic, _) in places if topic in self._urgent), 0)
+
+    def _hurries(self) -> bool:
+        return any(topic in self._urgent for topic, _ in self._calls)

@@ -6,8 +6,8 @@ publisher. `announce` tells of our own at once; `Introductions` looks whether ot
 import threading
 from functools import partial
 from math import inf
-from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional, Sequence
-from typing import Tuple
+from typing import Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
+from typing import Sequence, Tuple
 
 import rospy
 
@@ -17,6 +17,8 @@ from shsa_core.ros.master.node_api import connected
 from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
 from shsa_core.ros.workers import Workers
 
+Registered = Dict[str, str]
+"""Topics and their types."""
 Graph = Sequence[Tuple[str, List[str]]]
 """Topics, and the nodes that publish or subscribe each."""
 
@@ -38,7 +40,14 @@ def announce(topic: str, kind: str) -> None:
 
 def _listens(topic: str) -> bool:
     """Return whether this process subscribes a topic, as a substitute may its own."""
-    return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
+    return topic in _registered()[1]
+
+
+def _registered() -> Tuple[Registered, Registered]:
+    """Return the topics that this process publishes, and those that it subscribes."""
+    manager = rospy.topics.get_topic_manager()
+    with manager.lock:  # rospy reads both without it, while another thread may register
+        return dict(manager.get_publications()), dict(manager.get_subscriptions())
 
 
 def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> None:
@@ -50,8 +59,7 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
     master = master_api()
     publishing, subscribing, _ = master.getSystemState()
     known = {topic for topic, nodes in publishing if rospy.get_name() in nodes}
-    offered = {topic for topic, _ in rospy.topics.get_topic_manager().get_publications()}
-    if offered.intersection(topics) - known:
+    if set(topics).intersection(_registered()[0]) - known:
         _register_again()
     for topic in topics:
         nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
@@ -62,10 +70,11 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
 
 def _register_again() -> None:
     """Register all that this process publishes and subscribes."""
-    manager, master, uri = rospy.topics.get_topic_manager(), master_api(), rospy.get_node_uri()
-    for topic, kind in manager.get_publications():
+    (publications, subscriptions), master = _registered(), master_api()
+    uri = rospy.get_node_uri()
+    for topic, kind in publications.items():
         master.registerPublisher(topic, kind, uri)
-    for topic, kind in manager.get_subscriptions():
+    for topic, kind in subscriptions.items():
         master.registerSubscriber(topic, kind, uri)
 
 
