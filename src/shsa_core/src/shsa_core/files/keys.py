@@ -317,8 +317,8 @@ SERVICE: Keys = {
     ),
     "bridge": Key(
         number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
-        "periods without a message after which a ready substitute fills in; not given: 2.5 "
-        "where standby is hot",
+        "periods without a message after which a ready substitute fills in at the latest; not "
+        "given: 2.5 where standby is hot",
     ),
     "checks": Key(Reader("mapping", _checks), "what else is a failure of its messages"),
     "last_resort": Key(

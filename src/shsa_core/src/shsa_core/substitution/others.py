@@ -10,7 +10,8 @@ from typing import Callable, List, Optional, Tuple
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
-from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.settings import ALONE_LOOKS, FADES, LATE, LOOK_AGAIN_S, QUICK_S
+from shsa_core.substitution.settings import STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
@@ -22,7 +23,7 @@ class OtherPublishers:
 
     `sources()` tells who publishes what the program reads. `last`: the newest message of theirs.
     `heals`: beyond a cut the substitute may decide by itself. `bridge`: the silence after which it
-    fills in; 0: it does not.
+    fills in at the latest, sooner where the pace is regular; 0: it does not.
     """
 
     def __init__(self, sources: Sources) -> None:
@@ -36,6 +37,8 @@ class OtherPublishers:
         self._cut = self._publishing = self._yields = False
         self._deadline = math.inf
         self._steady = 0  # messages in a row that were not late
+        self._longest = self._gap = 0.0  # silences: of late, and before those that came last
+        self._came = 1  # messages at once
         self._read = sources()  # when they were heard
         self._awaited: Optional[LookAtOthers] = None
         self._look = math.inf
@@ -59,7 +62,7 @@ class OtherPublishers:
 
     def forget(self) -> None:
         """Fill in for nobody until a row says so, and somebody was heard at a steady pace."""
-        self.bridge, self._steady = 0.0, 0
+        self.bridge, self._steady, self._longest, self._gap = 0.0, 0, 0.0, 0.0
         self._leave()
 
     def _leave(self) -> None:
@@ -84,11 +87,22 @@ class OtherPublishers:
             return
         rival = self._yields or self.heals and (self._cut or self.heard is Heard.RIVAL)
         self.heard = Heard.RIVAL if rival else Heard.ANOTHER
-        if self._steady < STEADY:
-            late = self._watch.passed(self._since) >= self.bridge
-            self._steady = 0 if late else self._steady + 1
+        self._note_pace(self._watch.passed(self._since))
         self.last, self._since, self._read = event, self._watch.now, self._sources()
         self.original, self._awaited, self._alone = Original.SPEAKS, None, 0
+
+    def _note_pace(self, passed: float) -> None:
+        """Note the silence before a message; of some that came at once, each had its share."""
+        if self._steady < STEADY and passed >= self.bridge:
+            self._steady, self._longest, self._gap = 0, 0.0, 0.0
+            return
+        self._steady = min(self._steady + 1, STEADY)
+        if passed == 0.0:
+            self._came += 1
+            return
+        before = min(self._gap / self._came, self.bridge / LATE)
+        self._longest = max(self._longest * FADES**self._came, before)
+        self._gap, self._came = passed, 1
 
     def gone(self, event: OtherGone) -> None:
         """The node of somebody else is gone: nobody has to wait for its silence."""
@@ -150,13 +164,19 @@ class OtherPublishers:
         silent = self._watch.when(self._since, self._deadline) if waits else math.inf
         return min(silent, self._next_look(now) if fills_in else math.inf)
 
+    @property
+    def _patience(self) -> float:
+        """Return the silence after which it fills in: what is quick would have it wake too often."""
+        fixed = self._steady < STEADY or self.bridge <= QUICK_S
+        return self.bridge if fixed else min(self.bridge, LATE * self._longest)
+
     def _next_look(self, now: float) -> float:
         """Return when to look whether the connection stands.
 
         Until their pace is known it wakes as often: of messages that are read together only the
         newest tells when it came.
         """
-        late_at = self._watch.when(self._since, self.bridge)
+        late_at = self._watch.when(self._since, self._patience)
         if self.bridge and self._steady < STEADY and late_at > now:
             return late_at
         if not self._waits or self._awaited is not None:

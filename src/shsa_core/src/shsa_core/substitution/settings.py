@@ -14,6 +14,9 @@ a few samples."""
 # When it fills in for an original that is late.
 STEADY = 5
 """Messages in a row, none later than what is bridged, that make a steady pace."""
+LATE, FADES = 1.8, 0.998
+"""Times the longest silence of late between two messages, of which each takes its share: so long is
+a message of a regular stream waited for, at most for `bridge`."""
 QUICK_S = 0.0125
 """A shorter silence is over before the reconfigurator can be heard: 2.5 periods of 200 Hz."""
 LOOK_AGAIN_S = 0.05
