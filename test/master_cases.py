@@ -26,6 +26,7 @@ from shsa_testing.waiting import wait_until
 
 HANGS_S = 4.0
 SEEN_S = 1.5  # by then what was added is seen
+ALONE_S = 0.5  # without the reconfigurator an idle process waits for it so long
 BACK_S = 2.5  # after the master answers; 1 s if the machine has nothing else to do
 
 HUNG = """
@@ -188,3 +189,20 @@ def test_6_a_log_that_cannot_be_written_keeps_nobody_from_healing(robot: Robot) 
     assert "Traceback" not in said
     assert 1 <= said.count("This is said once") <= 2 + 2 * len(robot.healing.substitutions)
     assert said.count("incident log") <= 1
+
+
+def test_7_the_master_and_the_reconfigurator_may_die_together(robot: Robot) -> None:
+    robot.await_kept()
+    healer = reconfigurator()
+    robot.master.kill()
+    end_process(healer)
+    robot.master.wait()
+    assert robot.taken_over("/hot", "/hot_node") < OUTAGE_S
+    assert robot.taken_over("/warm", "/warm_node") < ALONE_S + OUTAGE_S
+    robot.start_reconfigurator()
+    robot.start_master()
+    wait_until(lambda: "/old_consumer" in subscribers("/cold"), 20.0, "the old consumer")
+    for topic in ("/hot", "/warm"):
+        robot.healing.await_state(topic, "healed")
+        robot.returned(topic, f"{topic}_node")
+    robot.settle()

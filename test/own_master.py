@@ -60,10 +60,9 @@ class Robot:
         for node in NODES:
             self.start(node)
         self.som = shutil.copy(DATA / "takeover_som.yaml", folder)
-        files = f"--ontology {DATA / 'takeover.yaml'} --som {self.som}".split()
         rospy.set_param("/reconfigurator/hold_off", 0.5)
-        self.reconfigurator = self.run(*before, "rosrun", "shsa_core", "reconfigurator", *files)
-        self.run(*before, "rosrun", "shsa_core", "monitor", *files[2:])
+        self.start_reconfigurator()
+        self.run(*before, "rosrun", "shsa_core", "monitor", "--som", self.som)
         self.settle()
 
     def _diagnostics(self, array: DiagnosticArray) -> None:
@@ -89,6 +88,11 @@ class Robot:
     def start_master(self) -> None:
         self.master = self.run("rosmaster", "--core", "-p", str(self.port))
         wait_until(rosgraph.is_master_online, 10.0, "the master answers")
+
+    def start_reconfigurator(self) -> None:
+        files = ("--ontology", str(DATA / "takeover.yaml"), "--som", self.som)
+        words = *self._before, "rosrun", "shsa_core", "reconfigurator", *files
+        self.reconfigurator = self.run(*words)
 
     def start(self, node: str) -> None:
         topic, value = NODES[node]

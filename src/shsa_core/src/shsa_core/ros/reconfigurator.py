@@ -52,7 +52,7 @@ from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.settings import MOST_CALLS
-from shsa_core.ros.succession import maintain, maintained, take_over
+from shsa_core.ros.succession import maintain, maintained, record_path, take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
@@ -152,7 +152,12 @@ class ReconfiguratorNode:
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(lambda node: node.startswith(prefix), self._see_graph)
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            self._see_graph,
+            record_path(rospy.get_namespace(), "master"),
+            self._core.robot.acts(som),
+        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, som, self._hosts.take_up())

@@ -35,7 +35,7 @@ def announce(topic: str, kind: str) -> None:
         if _listens(topic):  # it began meanwhile, and was not told of publishers since
             publishers = master.registerSubscriber(topic, kind, uri)
             subscribers = [*subscribers, uri]
-    _tell(subscribers, topic, publishers)
+    tell(subscribers, topic, publishers)
 
 
 def _listens(topic: str) -> bool:
@@ -65,7 +65,7 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
         nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
         if nodes:
             publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
-            _tell([master.lookupNode(node) for node in nodes], topic, publishers)
+            tell([master.lookupNode(node) for node in nodes], topic, publishers)
 
 
 def _register_again() -> None:
@@ -83,7 +83,7 @@ def of_topic(state: Graph, topic: str) -> List[str]:
     return [node for name, nodes in state if name == topic for node in nodes]
 
 
-def _tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
+def tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
     """Tell the full list of publishers, each in a thread: a hung subscriber delays nobody."""
 
     def call(subscriber: str) -> None:

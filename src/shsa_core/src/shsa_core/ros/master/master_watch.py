@@ -15,7 +15,6 @@ import rosgraph
 import rospy
 
 from shsa_core.analysis.registrations import (
-    NOTHING,
     Graph,
     Pairs,
     Part,
@@ -29,7 +28,8 @@ from shsa_core.analysis.registrations import (
 )
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.announce import Introductions, Publisher
+from shsa_core.ros.master.announce import Introductions, Publisher, tell
+from shsa_core.ros.master.kept import Known, KnowledgeFile
 from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
 REGISTER = {
@@ -88,10 +88,10 @@ class MasterCalls:
         """Set parameters by their full names."""
         self._many([("setParam", (self._me, name, value)) for name, value in values])
 
-    def register(self, registrations: Iterable[Registration]) -> None:
-        """Register these on behalf of their nodes, in this order."""
+    def register(self, registrations: Iterable[Registration]) -> List[Any]:
+        """Register these on behalf of their nodes, in this order; return the master's answers."""
         calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in registrations]
-        self._many(calls)
+        return self._many(calls)
 
     def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
         """Return the values that calls return, None for a refusal."""
@@ -129,18 +129,24 @@ class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
     `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
-    master. While `acts` is false it only looks.
+    master. While `acts` is false it only looks. `path`: the file for what the master knows.
     """
 
-    def __init__(self, is_ours: Callable[[str], bool], seen: Callable[[State], None]) -> None:
-        self._is_ours, self._seen, self.acts = is_ours, seen, False
+    def __init__(
+        self,
+        is_ours: Callable[[str], bool],
+        seen: Callable[[State], None],
+        path: str,
+        acts: bool,
+    ) -> None:
+        self._is_ours, self._seen, self.acts = is_ours, seen, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
-        self._pid = 0
-        self._known = NOTHING
+        self._file = KnowledgeFile(path)
+        self._pid, self._known = self._file.read()
         self._parameters: Mapping[str, Any] = {}
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
@@ -192,6 +198,7 @@ class MasterWatch:
             self._seen(state)
         if now >= self._keep_at:
             self._known = together(self._graph(state), self._known, waiting)
+            self._file.write(Known(state.pid, self._known))
             self._keep_parameters()
             self._kept_at = now
             pause = max(settings.MASTER_PAUSE_S, _took(now))
@@ -240,7 +247,9 @@ class MasterWatch:
         ours = filter(self._is_ours, said)
         registrations = to_register(self._former, present, said, ours)
         if registrations:
-            self._calls.register(registrations)
+            publishers = self._calls.register(registrations)
+            for each, uris in zip(registrations, publishers):
+                self._tell_subscriber(each, uris, present, said)
             nodes = len({each.node for each in registrations})
             text = "The master was told again of %d registrations of %d nodes."
             rospy.loginfo(text, len(registrations), nodes)
@@ -248,6 +257,24 @@ class MasterWatch:
         if now > self._anew_at + settings.LONGEST_PAUSE_S or not left:
             self._former = None
         return left
+
+    def _tell_subscriber(
+        self, new: Registration, uris: Any, present: Graph, said: Collection[str]
+    ) -> None:
+        """Tell a subscriber of those who have registered with the new master before it.
+
+        With those who are to be registered yet: roscpp drops all that it is not told of.
+        """
+        assert self._former is not None
+        known = {topic for topic, _ in present.parts[Part.PUBLISHER]}
+        if new.part is Part.SUBSCRIBER and new.name in known and isinstance(uris, list):
+            gone = self._settled.union(said)
+            later = {
+                self._former.nodes[node]
+                for topic, node in self._former.parts[Part.PUBLISHER]
+                if topic == new.name and node in self._former.nodes and node not in gone
+            }
+            tell([new.uri], new.name, sorted(later.union(uris)))
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
         """Return what nodes that answer soon say of themselves; one that has gone is settled."""

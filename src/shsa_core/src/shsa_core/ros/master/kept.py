@@ -1,0 +1,75 @@
+"""Keeps what the master knows in a file, for the next reconfigurator: both may die together.
+
+Parameters are not among it: a robot that was launched anew must not get those of before.
+"""
+import json
+import os
+import time
+from contextlib import suppress
+from typing import NamedTuple
+
+import rospy
+
+from shsa_core.analysis.registrations import NOTHING, Graph, Part
+from shsa_core.files.regular import read_own
+from shsa_core.journal.lines import create, write_all, write_line
+from shsa_core.ros import settings
+from shsa_core.ros.trust.places import boot
+
+LARGEST_B = 1 << 25
+"""A larger file is not read."""
+
+
+class Known(NamedTuple):
+    """A master by its process, 0 for none, and what it knew."""
+
+    pid: int = 0
+    graph: Graph = NOTHING
+
+
+class KnowledgeFile:
+    """A file at `path` that is ours alone; it counts for LONGEST_PAUSE_S after it was written."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._written = b""
+
+    def write(self, known: Known) -> None:
+        """Write what is known now, if it is not what was written last."""
+        pid, (parts, nodes, providers) = known
+        pairs = {part.value: sorted(parts[part]) for part in Part}
+        places = {"nodes": nodes, "providers": providers}
+        data = write_line({"boot": boot(), "pid": pid, "parts": pairs, **places})
+        try:
+            if data == self._written:
+                os.utime(self._path)
+                return
+            beside = self._path + ".new"
+            with suppress(FileNotFoundError):
+                os.unlink(beside)
+            file = create(beside)
+            try:
+                write_all(file, data)
+            finally:
+                os.close(file)
+            os.replace(beside, self._path)
+            self._written = data
+        except OSError as error:
+            self._written = b""
+            rospy.logdebug("%s is not written: %s", self._path, error)
+
+    def read(self) -> Known:
+        """Return what was written a moment ago, before this process; nothing if nothing was."""
+        try:
+            age = time.time() - os.stat(self._path).st_mtime
+            told = json.loads(read_own(self._path, LARGEST_B))
+            if told["boot"] != boot() or not 0.0 <= age <= settings.LONGEST_PAUSE_S:
+                return Known()
+            pairs = {part: told["parts"][part.value] for part in Part}
+            parts = {part: frozenset((name, node) for name, node in pairs[part]) for part in Part}
+            return Known(told["pid"], Graph(parts, told["nodes"], told["providers"]))
+        except FileNotFoundError:
+            return Known()
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            rospy.logdebug("%s is not read: %s", self._path, error)
+            return Known()
