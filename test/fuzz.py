@@ -40,7 +40,8 @@ def fuzzed_at_random(name: str, seconds: float) -> None:
             return True
         return False
 
-    usual = settings(max_examples=500, database=None, suppress_health_check=list(HealthCheck))
+    checks = list(HealthCheck)
+    usual = settings(max_examples=500, database=None, deadline=None, suppress_health_check=checks)
     while time.monotonic() < until:
         try:
             found = find(inputs(name), fails, settings=usual)
