@@ -103,7 +103,7 @@ def test_a_gap_while_healing_connects_does_not_teach(bench: Bench) -> None:
     bench.connect()
     gap(bench, 0.2)
     assert allowed(bench) == FIXED
-    bench.stream(10)
+    bench.stream(30)
     gap(bench, 0.2)
     assert allowed(bench) > FIXED
 

@@ -8,7 +8,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
-from shsa_core.monitoring.settings import CONNECT_S, RECONNECT_S, Settings
+from shsa_core.monitoring.settings import RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
 
@@ -212,9 +212,7 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(paced=False),
         dict(confirmed=True),
         dict(together=2),
-        dict(fed_wrong=True),
-        dict(fed_slowly=True),
-        dict(fed_anew=True),
+        dict(fed_badly=True),
         dict(robot_came=False),
     )
     for row, fact in zip(ROWS, facts):
@@ -247,7 +245,7 @@ def test_while_a_substitute_comes_up_everybody_has_a_deadline_more(after: float)
 
 def test_a_connection_long_before_a_silence_is_no_reason_for_it(bench: Bench) -> None:
     bench.connect()
-    bench.stream(round(CONNECT_S / PERIOD) + 1)
+    bench.stream(round(RECONNECT_S / PERIOD) + 1)
     last = bench.now
     bench.wait(1.0)
     assert bench.failures[0].since == pytest.approx(last + DEADLINE)

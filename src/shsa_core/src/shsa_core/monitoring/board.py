@@ -162,18 +162,9 @@ class Board:
         original = topic.publishers.get(watched.service.node) if watched else None
         bridges = row.bridge > 0.0 and (original is None or original.state is not FAILED)
         if bridges and watched is not None:
-            self._count_bridge(publisher, watched, row.bridge)
+            watched.bridged += self.now - publisher.filled_in > BRIDGES_APART * row.bridge
+            publisher.filled_in = max(self.now, publisher.filled_in)
         return not (bridges or row.gated)
-
-    def _count_bridge(self, publisher: Publisher, watched: WatchedService, bridge: float) -> None:
-        """Count how often somebody fills in, and tell people of the first time."""
-        before, publisher.filled_in = publisher.filled_in, max(self.now, publisher.filled_in)
-        if self.now - before <= BRIDGES_APART * bridge:
-            return
-        watched.bridged += 1
-        if watched.bridged == 1:
-            what = f"{publisher.name} has filled in for a late message"
-            self.warn(f"{publisher.topic.name}: {what}. This is no failure")
 
     def meet(self, topic: WatchedTopic, name: str, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""

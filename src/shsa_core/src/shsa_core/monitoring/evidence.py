@@ -9,8 +9,7 @@ from shsa_core.language.expression import Expression
 from shsa_core.language.temporal import Truth
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Finding, Formula, OutOfRange, judge
 from shsa_core.model.kinds import Kind
-from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample
-from shsa_core.model.samples import Usual, ValueSample
+from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample, ValueSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.habits import Form, StampAges, Stillness
@@ -228,13 +227,10 @@ class Evidence:
     """The evidence against one publisher, who provides `service`.
 
     `properties`: those whose values are judged. `learned`: what is known of its values from before;
-    None: nothing is learned, as of a substitute, whose program may change. `form`: of the messages
-    of the process before it, and then of its own.
+    None: nothing is learned, as of a substitute, whose program may change.
     """
 
-    def __init__(
-        self, service: Service, learned: Optional[Learned] = None, form: Optional[Usual] = None
-    ) -> None:
+    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
@@ -245,8 +241,7 @@ class Evidence:
         self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
         learns = learned is not None and service.period is not None
         self._stamps = StampAges(service.period if learns else None)
-        has_form = learns and any(check.sample is FormSample for check in self._checks)
-        self._form = Form(({} if form is None else form) if has_form else None)
+        self._form = Form(learns and any(each.sample is FormSample for each in self._checks))
 
     @property
     def outside(self) -> Optional[ValueSample]:
@@ -256,7 +251,7 @@ class Evidence:
     @property
     def unusual(self) -> str:
         """The first of what is not as usual, in words; empty: all is."""
-        return next((each.unusual for each in self._values if each.unusual), self._form.unusual)
+        return next((each.unusual for each in self._values if each.unusual), "")
 
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps and forms on the same connection."""

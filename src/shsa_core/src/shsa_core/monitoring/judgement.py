@@ -159,21 +159,19 @@ class Judgement:
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)
-        return decide(self._fed(publisher, case))
+        return decide(replace(case, fed_badly=self._is_fed_badly(publisher, case.blame)))
 
-    def _fed(self, publisher: Publisher, case: Case) -> Case:
-        """Return a case with what the publisher, unless it is a substitute, computes from."""
+    def _is_fed_badly(self, publisher: Publisher, blame: Blame) -> bool:
+        """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""
         if publisher.name not in publisher.topic.nodes:
-            return case
+            return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}
         upstream = [each for topic in read for each in topics[topic].publishers.values()]
-        return replace(
-            case,
-            fed_wrong=any(each.tells_wrong for each in upstream),
-            fed_slowly=any(each.is_slow for each in upstream),
-            fed_anew=any(each.is_healthy and self._board.is_substitute(each) for each in upstream),
-        )
+        if blame is Blame.RATE:
+            return any(each.is_slow for each in upstream)
+        replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)
+        return any(each.tells_wrong for each in upstream) or blame is Blame.VALUE and any(replaced)
 
     def _intrusion(self, publisher: Publisher) -> Optional[Finding]:
         """Return what is held against a publisher that nobody names beside a healthy one."""

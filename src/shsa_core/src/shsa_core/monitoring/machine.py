@@ -226,8 +226,9 @@ class Monitor:
         if previous is None or excused:
             self._board.look_when_due(publisher)
         publisher.watched.published = True
-        period = publisher.service.period
-        if publisher.backlog.holds(event, previous, publisher.allowed, period):
+        period = publisher.service.period or 0.0
+        allowed = publisher.allowed if period else inf
+        if publisher.backlog.holds(event.time, event.age, allowed, event.waited, period):
             return
         good = self._judgement.message(publisher, event, previous)
         if good and teaches and previous is not None:

@@ -4,15 +4,15 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
+from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
 from shsa_core.model.checks import BY_VALUE, Check, Checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
-from shsa_core.model.samples import IntruderSample, Usual
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.evidence import Evidence, Learned
-from shsa_core.monitoring.habits import Backlog
 from shsa_core.monitoring.settings import SLOW_PACE
 
 NOBODY = ""
@@ -29,9 +29,9 @@ class WatchedService:
     monitor, and when that was told.
 
     `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did. `learned`: what is known of its node's values; `form`: of that of its
-    messages; `gaps`: of the gaps between them, None: its deadline is a fixed one. `bridged`: how
-    often a muted substitute filled in for it so far.
+    none did. `learned`: what is known of its node's values; `gaps`: of the gaps between its
+    messages, None: its deadline is a fixed one. `bridged`: how often a muted substitute filled in
+    for it so far.
     """
 
     service: Service
@@ -42,7 +42,6 @@ class WatchedService:
     published: bool = False
     overdue: bool = False
     learned: Learned = field(default_factory=dict)
-    form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
     bridged: int = 0
 
@@ -202,9 +201,8 @@ class Publisher:
         self.suspicions.clear()
 
     def _new_evidence(self) -> Evidence:
-        watched, own = self.watched, self.name == self.service.node
-        learned, form = (watched.learned, watched.form) if own else (None, None)
-        return Evidence(watched.service, learned, form)
+        own = self.name == self.service.node
+        return Evidence(self.service, self.watched.learned if own else None)
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
@@ -218,6 +216,7 @@ class Publisher:
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
         self.first_message = self.last_heard = self.silent_since = None
+        self.backlog = Backlog()
 
     def note_message(self, time: float) -> None:
         """Count a message."""
