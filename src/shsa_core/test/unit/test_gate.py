@@ -186,14 +186,12 @@ def test_a_substitutes_value_is_heard_for_two_periods(
     assert bool(stand.message(math.nan)) is heard
 
 
-def test_strangers_are_not_heard_and_named_once(stand: Stand) -> None:
+def test_strangers_are_not_heard(stand: Stand) -> None:
     stand.run(100, None, None)
     for _ in range(150):
         stand.message(1.0, "/stranger")
         stand.until(stand.time + PERIOD)
-    assert not stand.heard
-    (text,) = stand.said
-    assert text.startswith("/stranger publishes on /battery_current/raw")
+    assert not stand.heard and not stand.said
 
 
 def test_jumps_are_held_back() -> None:

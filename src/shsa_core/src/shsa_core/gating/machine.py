@@ -12,7 +12,7 @@ from shsa_core.model.checks import Finding
 from shsa_core.model.log import Level
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution, row_key
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution, row_key
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence
 from shsa_core.watch import Watch
@@ -72,12 +72,11 @@ class Gate:
         self._rows: Dict[str, Substitution] = {}
         self._judges: Dict[str, Evidence] = {}  # of the substitutes, by their nodes
         self._newest: Optional[Arrived] = None  # good message of a substitute
-        self._strangers: Dict[str, float] = {}  # when each is named
         self._muted, self._filling = bool(first), False
         self._last_out = time
         self._stamp = self._substitutes_stamp = 0  # the newest that went out
         self._watch = Watch()
-        self._first_heard, self._may_miss = time, time + settings.START_S
+        self._first_heard, self._may_miss = time, time + CHANGEOVER_S
         self._wanted = math.inf  # when it wanted to wake
         self._handlers: Table[List[Command]] = table(
             Event,
@@ -143,19 +142,7 @@ class Gate:
         publisher = event.message.publisher
         if publisher == self._service.node:
             return self._of_original(event)
-        if publisher in self._judges:
-            return self._of_substitute(event)
-        return self._of_stranger(publisher, event.time)
-
-    def _of_stranger(self, publisher: str, time: float) -> List[Command]:
-        """Let nobody hear it; tell people once."""
-        if publisher not in self._strangers and len(self._strangers) < settings.MOST_NAMED:
-            self._strangers[publisher] = time + settings.START_S
-        if time < self._strangers.get(publisher, math.inf):
-            return []
-        self._strangers[publisher] = math.inf
-        who = "is neither its node nor a substitute of it, and is not heard"
-        return [Log(Level.WARN, f"{publisher} publishes on {self._service.topic}: it {who}")]
+        return self._of_substitute(event) if publisher in self._judges else []
 
     def _of_original(self, event: Arrived) -> List[Command]:
         original, before = self._original, self._original.failure

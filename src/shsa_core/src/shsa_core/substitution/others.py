@@ -10,7 +10,7 @@ from typing import Callable, List, Optional, Tuple
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
-from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
@@ -101,7 +101,7 @@ class OtherPublishers:
         """Take the answer to a look; one that is not awaited is out of date."""
         if event.look != self._awaited:
             return
-        quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
+        quick = self.original is Original.SPEAKS and self.bridge < LOOK_AGAIN_S / 2.0
         alone = not event.healed or event.watched is False
         self._alone = ALONE_LOOKS if alone else self._alone - 1
         if event.stands:
