@@ -193,7 +193,7 @@ def check_tables(core: Monitor) -> None:
         assert topic.publishers, f"{topic.name} has no row"
         for name, watched in topic.services.items():
             due = board.agenda.when(watched)
-            told = not watched.is_awaited or not topic.subscribed
+            told = watched.due == inf or not topic.subscribed
             assert told or due < inf, f"nobody waits for {name}"
     for publisher in board.all():
         where = f"{publisher.name or 'nobody'} on {publisher.topic.name}"

@@ -180,7 +180,8 @@ class Board:
         watched = publisher.watched
         if not publisher.connected or self.may_be_silent(publisher):
             return
-        watched.appeared = True
+        if watched.service.event_driven:
+            watched.come()
         if publisher.last_heard is None:
             named = publisher.name == watched.service.node
             if watched.service.event_driven and named and publisher.state is UNKNOWN:

@@ -191,7 +191,8 @@ class Monitor:
         topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
         publisher.connected = publisher.retired = False
         detail = "its connection was lost: the node died or left"
-        was_well = publisher.state is HEALTHY or watched.knew(publisher.name)
+        formerly = not watched.came and publisher.name == watched.formerly[0]
+        was_well = publisher.state is HEALTHY or formerly
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
             board.touch(publisher)
@@ -204,7 +205,7 @@ class Monitor:
             board.expect(topic)
             self._start_up.left(topic)
         if publisher.name in self._ending_nodes:
-            watched.overdue = True  # nobody is awaited: who comes is welcome
+            watched.due = inf  # nobody is awaited: who comes is welcome
 
     def _may_stop(self, publisher: Publisher) -> bool:
         """Tell if nobody is to blame for it that a publisher stops."""
@@ -221,11 +222,12 @@ class Monitor:
             return
         previous = publisher.last_heard
         excused = publisher.excused_until > -inf
-        teaches = publisher.is_healthy and not (excused or publisher.interrupted)
+        interrupted = publisher.reconnects_until > -inf
+        teaches = publisher.is_healthy and not (excused or interrupted)
         publisher.note_message(event.time)
         if previous is None or excused:
             self._board.look_when_due(publisher)
-        publisher.watched.published = True
+        publisher.watched.come()
         period = publisher.service.period or 0.0
         allowed = publisher.allowed if period else inf
         if publisher.backlog.holds(event.time, event.age, allowed, event.waited, period):

@@ -25,35 +25,25 @@ NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 class WatchedService:
     """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
 
-    `due`: when a message is missed, if none came before. `formerly`: who did well under a former
-    monitor, and when that was told.
-
-    `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did. `learned`: what is known of its node's values; `gaps`: of the gaps between its
-    messages, None: its deadline is a fixed one. `bridged`: how often a muted substitute filled in
-    for it so far.
+    `came`: a message, or somebody connected if it is event-driven; `due`: when that is missed, inf:
+    it came, or it was told that it did not. `formerly`: who did well under a former monitor, and
+    when that was told. `learned`: what is known of its node's values; `gaps`: of the gaps between
+    its messages, None: its deadline is a fixed one. `bridged`: how often a muted substitute filled
+    in for it so far.
     """
 
     service: Service
     deadline: float
     due: float
     formerly: Tuple[str, float] = ("", 0.0)
-    appeared: bool = False
-    published: bool = False
-    overdue: bool = False
+    came: bool = False
     learned: Learned = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
     bridged: int = 0
 
-    @property
-    def is_awaited(self) -> bool:
-        """True while nobody has come for it, and that was not told."""
-        service = self.service
-        return not (self.published or self.overdue or (service.event_driven and self.appeared))
-
-    def knew(self, node: str) -> bool:
-        """Return if a node did well under a former monitor, and was not heard by this one."""
-        return node == self.formerly[0] and not self.published
+    def come(self) -> None:
+        """Await nobody any more."""
+        self.came, self.due = True, inf
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
@@ -80,9 +70,9 @@ class Publisher:
     """One life of one publisher of one topic, and all that is held against it. Times in s.
 
     `silent_since`: since its last message, or since it could be heard again after that.
-    `excused_until`: until then its silence has an alibi. `interrupted`: its connection was lost
-    since its last message, while its node lived; it is given anew by `reconnects_until`. `steady`:
-    a message came within its deadline once.
+    `excused_until`: until then its silence has an alibi. `reconnects_until`: its connection was
+    lost since its last message, while its node lived, and is given anew by then; -inf: it was not.
+    `steady`: a message came within its deadline once.
 
     `suspicions`: what others hold against its values, by property. `logged`: what people were told
     of it. `uri`: where its process is. `retired`: it is a substitute that the table names no more.
@@ -107,7 +97,6 @@ class Publisher:
     messages: int = 0
     silent_since: Optional[float] = None
     excused_until: float = -inf
-    interrupted: bool = False
     reconnects_until: float = -inf
     steady: bool = False
     intruding_since: Optional[float] = None
@@ -159,13 +148,13 @@ class Publisher:
 
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
-        if self.last_heard is not None and not self.interrupted:
-            self.interrupted, self.reconnects_until = True, until
+        if self.last_heard is not None and self.reconnects_until == -inf:
+            self.reconnects_until = until
 
     def resume(self, time: float) -> None:
         """Be connected again, and silent from then on."""
         if time < self.reconnects_until:
-            self.silent_since, self.reconnects_until = time, -inf
+            self.silent_since = self.reconnects_until = time
             self.excused_until = -inf
 
     def provide(self, watched: WatchedService, anew: bool = True) -> None:
@@ -224,7 +213,7 @@ class Publisher:
         if self.last_heard is not None and time - self.last_heard <= self.allowed:
             self.steady = True
         self.last_heard = self.silent_since = time
-        self.interrupted, self.excused_until, self.reconnects_until = False, -inf, -inf
+        self.excused_until = self.reconnects_until = -inf
         if self.first_message is None:
             self.first_message = time
 

@@ -36,7 +36,7 @@ class StartUp:
         for name, publisher in event.publishers:
             topic = self._board.topics.get(name)
             watched = self._board.watched_of(topic, publisher) if topic else None
-            if topic and watched and not (watched.published or watched.overdue):
+            if topic and watched and watched.due < inf:
                 watched.formerly = publisher, event.time
                 if topic.subscribed:
                     self._await(watched, min(watched.due, self._due(watched)))
@@ -54,8 +54,8 @@ class StartUp:
         So it is where substitutes end whose original died before this monitor started.
         """
         for watched in topic.services.values():
-            if watched.published or watched.appeared:
-                watched.published = watched.appeared = watched.overdue = False
+            if watched.came:
+                watched.came = False
                 self._await(watched, self._board.now + self._grace)
 
     def judge(self, watched: WatchedService) -> None:
@@ -63,11 +63,9 @@ class StartUp:
         topic = self._board.topics.get(watched.service.topic)
         if topic is None or topic.services.get(watched.service.name) is not watched:
             return
-        if not (topic.subscribed and watched.is_awaited):
-            return
-        if self._board.now >= watched.due:
+        if topic.subscribed and self._board.now >= watched.due:
             self._miss(topic, watched)
-        if not watched.overdue:
+        if topic.subscribed:
             self._await(watched, watched.due)
 
     def _await(self, watched: WatchedService, due: float) -> None:
@@ -106,7 +104,7 @@ class StartUp:
         if nobody is not None and nobody.state is FAILED and nobody.since == now:
             watched.due = now + RECONNECT_S  # one row at a time says for which service
             return
-        watched.overdue = True
+        watched.due = inf
         connected = [p for p in topic.publishers.values() if p.watched is watched]
         guilty = [p for p in connected if p.connected and not board.may_be_silent(p)]
         blamed = min(guilty, key=lambda p: p.name != watched.service.node, default=None)
@@ -121,7 +119,7 @@ class StartUp:
 
     def _unheard(self) -> int:
         """Count the nodes that did well under a former monitor, and were not heard yet."""
-        return len({each.formerly[0] for each in self._services() if not each.published} - {""})
+        return len({each.formerly[0] for each in self._services() if not each.came} - {""})
 
     def _services(self) -> Iterator[WatchedService]:
         for topic in self._board.topics.values():
