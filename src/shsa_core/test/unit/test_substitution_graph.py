@@ -37,8 +37,8 @@ def test_a_new_topic_is_announced_at_once_and_looked_after_in_pauses() -> None:
     driver = Driver(row())
     assert events.Advertise("/out", FLOAT) in [command for _, command in driver.said]
     driver.time = 1.0
-    assert driver.ready() == [events.Announce("/out", FLOAT)]
-    assert looks(driver, 60.0) == [1.05, 1.15, 1.35, 1.75, 2.55, 4.15]
+    assert driver.ready() == [events.Remind(("/out",))]
+    assert looks(driver, 60.0) == [1.0, 1.05, 1.15, 1.35, 1.75, 2.55, 4.15]
 
 
 def test_an_idle_process_has_no_hurry() -> None:
@@ -66,7 +66,7 @@ def test_a_prepared_topic_is_not_advertised_again_but_looked_after() -> None:
 def test_a_topic_that_is_wanted_while_it_is_being_advertised_is_announced() -> None:
     driver = Driver(idle(outputs=(A,)))
     driver.change(row(outputs=(A,)))
-    assert driver.ready("/a") == [events.Announce("/a", FLOAT)]
+    assert driver.ready("/a") == [events.Remind(("/a",))]
 
 
 def test_nothing_is_published_before_the_topic_is_advertised() -> None:
@@ -81,6 +81,7 @@ def test_nothing_is_published_before_the_topic_is_advertised() -> None:
 def test_nobody_is_told_of_a_topic_that_was_taken_back() -> None:
     driver = running()
     driver.change(idle())
+    driver.said.clear()
     assert driver.ready() == []
     assert looks(driver, 60.0) == []
 

@@ -189,22 +189,16 @@ class Board:
             elif not watched.service.event_driven and publisher.state is HEALTHY:
                 self.mute(publisher)
 
-    def expect(self, topic: WatchedTopic) -> Publisher:
-        """Return the publisher without a name: somebody should be there."""
-        if NOBODY not in topic.publishers:
-            topic.publishers[NOBODY] = Publisher(
-                topic, NOBODY, self.now, topic.unknown, connected=False
-            )
-        self.touch(topic.publishers[NOBODY])
-        return topic.publishers[NOBODY]
-
-    def miss(self, topic: WatchedTopic, name: str) -> Publisher:
-        """Put a publisher that should be there, and is not connected."""
-        if NOBODY in topic.publishers:
-            self.drop(topic.publishers[NOBODY])
-        missed = self.meet(topic, name)
-        missed.connected = False
-        return missed
+    def expect(self, topic: WatchedTopic, name: str = NOBODY) -> Publisher:
+        """Return the publisher that should be there, and is not connected."""
+        nobody = topic.publishers.get(NOBODY)
+        if nobody is not None and name:
+            self.drop(nobody)
+        if nobody is None or name:
+            watched = self.watched_of(topic, name) if name else topic.unknown
+            topic.publishers[name] = Publisher(topic, name, self.now, watched, connected=False)
+        self.touch(topic.publishers[name])
+        return topic.publishers[name]
 
     def fail(self, publisher: Publisher, kind: Kind, detail: str) -> None:
         """Fail a publisher."""

@@ -70,11 +70,10 @@ class _Value:
         still = time - self._began
         sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
         finding = judge(self._checks, sample)
-        self.outside = None
-        if finding is not None:
-            self._teaches = False
-            self.outside = sample if finding.kind is Kind.OUT_OF_RANGE else None
-        else:
+        outside = finding is not None and finding.kind is Kind.OUT_OF_RANGE
+        self.outside = sample if outside else None
+        self._teaches = self._teaches and finding is None
+        if finding is None:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
 
@@ -143,11 +142,6 @@ class _Rate:
         self.times.append((message.time - message.waited, message.time, message.apart or 0.0))
         if self.is_known:
             yield replace(self.sample(self._period), fastest=self._fastest)
-
-    def beyond_doubt(self, rate: RateSample) -> RateSample:
-        """Return a rate in doubt against the publisher: what waited for us came at no rate."""
-        apart = self.times[-1][2] - self.times[0][2]
-        return replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
 
     def sample(self, period: float) -> RateSample:
         """Return the rate, to be judged by a period."""
@@ -325,8 +319,8 @@ class Evidence:
             yield judge(self._checks, sample)
         for rate in self.rate.samples(message):
             if not self.rate_was_good:
-                sure = self.rate.beyond_doubt(rate)
-                self.rate_was_good = judge(self._checks, sure) is None
+                nominal = replace(rate, longest=self.rate.span, shortest=self.rate.span)
+                self.rate_was_good = judge(self._checks, nominal) is None
             yield judge(self._checks, rate)
 
 

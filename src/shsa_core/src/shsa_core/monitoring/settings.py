@@ -44,9 +44,6 @@ RATE_MESSAGES, RATE_SECONDS = 20, 1.0
 COMES_AND_GOES = 3
 """So many times must a fault have gone away before it counts as one that comes and goes. Then it is
 over only after so many times the longest such gap."""
-CLOCK_JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next, and with more
-between two clocks stamps of one tell little on the other."""
 LEARN_MESSAGES = 200
 """So many tell what is usual of a value, and if stamps always grow; and a signal that went through
 0 so often reads 0 as any value."""
@@ -58,7 +55,8 @@ AGE_FOLLOWS = 0.001
 """Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
 AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS = 0.5, 10.0, 3.0
 """A stamp may differ by this, by so many periods or by so many times the largest difference while
-learning, whichever is most."""
+learning, whichever is most. A clock that changes by half of the first from one look to the next
+was set, and with more between two clocks stamps of one tell little on the other."""
 
 # Values that stand still.
 STILL_FACTOR, STILL_LEAST_S = 10, 1.0

@@ -109,7 +109,7 @@ class StartUp:
         guilty = [p for p in connected if p.connected and not board.may_be_silent(p)]
         blamed = min(guilty, key=lambda p: p.name != watched.service.node, default=None)
         if blamed is None:
-            blamed = board.miss(topic, formerly) if formerly else board.expect(topic)
+            blamed = board.expect(topic, formerly or NOBODY)
             blamed.provide(watched)
         what = "publisher" if watched.service.event_driven else "message"
         detail = f"no {what} in the first {self._grace:g} s"

@@ -87,9 +87,6 @@ class SubstituteNode:
                 ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
-                events.Announce: lambda c: self._call(
-                    f"announcing {c.topic}", lambda: announce.announce(c.topic, c.type)
-                ),
                 events.Remind: lambda c: self._call(
                     f"telling the subscribers of {', '.join(c.topics)} who publishes them",
                     lambda: announce.remind(c.topics, self._outputs.connected),

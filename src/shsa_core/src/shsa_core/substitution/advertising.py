@@ -11,7 +11,7 @@ from typing import Collection, Dict, Iterable, List, Set, Tuple
 from shsa_core.agenda import Agenda
 from shsa_core.model.service import Signal
 from shsa_core.substitution import settings
-from shsa_core.substitution.events import Advertise, Announce, Command, Remind, Withdraw
+from shsa_core.substitution.events import Advertise, Command, Remind, Withdraw
 
 
 class Advertising:
@@ -57,15 +57,14 @@ class Advertising:
         self._remind_from(now)
         return commands
 
-    def advertised(self, name: str, now: float) -> List[Command]:
+    def advertised(self, name: str, now: float) -> None:
         """A topic can be published on; where there is a hurry, tell everybody at once."""
         if name not in self._types or name in self._ready:
-            return []  # it was withdrawn meanwhile
+            return  # it was withdrawn meanwhile
         self._ready.add(name)
-        if self._hurried not in ("", name):
-            return []
-        self._remind_from(now)
-        return [Announce(name, self._types[name])] if self._hurried else []
+        if self._hurried in ("", name):
+            self._remind_from(now)
+            self._reminders[:0] = [now] if self._hurried else []
 
     def _remind_from(self, now: float) -> None:
         """Remind all at once: one call to the master tells of all topics, and may take long."""

@@ -269,14 +269,6 @@ class Publish(Act):
 
 
 @dataclass(frozen=True)
-class Announce(Act):
-    """Tell every subscriber of a topic at once that we publish it."""
-
-    topic: str
-    type: str
-
-
-@dataclass(frozen=True)
 class Remind(Act):
     """Tell those subscribers of these topics who have not connected who publishes them."""
 
