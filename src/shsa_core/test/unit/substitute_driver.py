@@ -69,9 +69,13 @@ class Driver:
             if deadline > time:
                 break
             self.time = deadline
-            heard += self.tell(events.Tick)
+            heard += self.tell(events.Tick, self.time - self.healer_heard())
         self.time = time
         return heard
+
+    def healer_heard(self) -> float:
+        """Return when the last sign of life of the reconfigurator came."""
+        return self.time
 
     def arrive(self, value: float, topic: str = "/in", publisher: str = "/sensor") -> List[Any]:
         """A message with one field comes."""

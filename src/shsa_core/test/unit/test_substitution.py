@@ -421,8 +421,8 @@ def test_an_equal_story_is_told_with_equal_commands() -> None:
 
 
 def test_who_stands_by_for_nobody_ends_and_who_publishes_goes_on() -> None:
-    assert only(Driver(idle()).tell(events.LeftAlone), events.GiveUp)
-    assert only(running().tell(events.LeftAlone), events.GiveUp)
-    assert running(publishing=True).tell(events.LeftAlone) == []
+    assert only(Driver(idle()).tell(events.ReachChanged, False, True), events.GiveUp)
+    assert only(running().tell(events.ReachChanged, False, True), events.GiveUp)
+    assert running(publishing=True).tell(events.ReachChanged, False, True) == []
     by_hand = Driver(replace(row(), service=""))
-    assert not only(by_hand.tell(events.LeftAlone), events.GiveUp)
+    assert not only(by_hand.tell(events.ReachChanged, False, True), events.GiveUp)

@@ -61,11 +61,6 @@ class RowRemoved(Event):
 
 
 @dataclass(frozen=True)
-class LeftAlone(Event):
-    """No reconfigurator has been there for a minute."""
-
-
-@dataclass(frozen=True)
 class PlansChanged(Event):
     """The plans of warm services, for which an idle process prepares, that are new or changed.
 
@@ -173,9 +168,10 @@ class OthersStand(Event):
 
 @dataclass(frozen=True)
 class ReachChanged(Event):
-    """The agent of our computer tells whether the reconfigurator is out of its reach."""
+    """The reconfigurator is out of our agent's reach; `alone`: none has been there for a minute."""
 
     cut_off: bool
+    alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -188,15 +184,10 @@ class FailureHeard(Event):
 
 
 @dataclass(frozen=True)
-class HealerHeard(Event):
-    """The answer to a look: the last sign of life of a reconfigurator came so long `ago`, in s."""
-
-    ago: float
-
-
-@dataclass(frozen=True)
 class Tick(Event):
-    """Time passes."""
+    """Time passes; the last sign of life of a reconfigurator came `unheard` s ago."""
+
+    unheard: float = 0.0
 
 
 LEFT_ALONE = "no reconfigurator has been there for a minute"
@@ -273,11 +264,6 @@ class Remind(Act):
     """Tell those subscribers of these topics who have not connected who publishes them."""
 
     topics: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LookAtHealer(Act):
-    """Ask when a reconfigurator gave a sign of life (HealerHeard)."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,6 @@ class Substitute:
             {
                 events.RowChanged: self._row_changed,
                 events.RowRemoved: self._row_removed,
-                events.LeftAlone: self._left_alone,
                 events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
@@ -59,10 +58,9 @@ class Substitute:
                 events.OtherHeard: self._other_heard,
                 events.OtherGone: self._other_gone,
                 events.OthersStand: others.answer,
-                events.ReachChanged: lambda e: others.reach(e.cut_off),
+                events.ReachChanged: self._reach_changed,
                 events.FailureHeard: lambda e: self._alone.failed(e, self.row),
-                events.HealerHeard: lambda e: self._alone.answer(e, self.row, self._plans.values()),
-                events.Tick: lambda e: None,  # what is due by then is done after any event
+                events.Tick: lambda e: self._alone.due(e, self.row, self._plans.values()),
             },
         )
 
@@ -78,7 +76,6 @@ class Substitute:
         commands += self._publish()
         commands += self._handover.due(now)
         commands += self._advertising.due(now)
-        commands += self._alone.due(now)
         commands += [] if self._hands_over else self._others.due(now)
         self._said, self._wanted = commands, self.next_deadline
         return commands
@@ -168,10 +165,11 @@ class Substitute:
         self._others.forget()
         return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
-    def _left_alone(self, _: events.LeftAlone) -> List[Command]:
-        """Go on publishing; end if it only stands by, unless somebody started it by hand."""
-        stands_by = self.row.idle or self.row.service != ""
-        return [events.GiveUp(events.LEFT_ALONE)] if stands_by and not self.publishing else []
+    def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
+        """Go on publishing; alone, end if it stands by, unless somebody started it by hand."""
+        self._others.reach(event.cut_off)
+        ends = event.alone and not self.publishing and (self.row.idle or self.row.service != "")
+        return [events.GiveUp(events.LEFT_ALONE)] if ends else []
 
     def _follow(self, row: Substitution, last: Optional[LastMessage]) -> List[Command]:
         publishes, others = self.publishing, self._others
