@@ -96,10 +96,6 @@ class Board:
         node = self.find(service.topic, service.node)
         return node is not None and node.is_healthy and node.last_good is not None
 
-    def table(self) -> Tuple[PublisherHealth, ...]:
-        """Return the row of every publisher."""
-        return tuple(publisher.row() for publisher in self.all())
-
     def say(self, commands: Iterable[Command]) -> None:
         """Say something beside the rows that have changed."""
         self._said += commands
@@ -156,7 +152,7 @@ class Board:
         Once the original has failed none fills in: it may know sooner that it took over.
         """
         row, topic = self.substitution(publisher), publisher.topic
-        if row is None or not stands_by(row, topic.name):
+        if row is None or row.publishing or topic.name not in row.topics:
             return True
         watched = topic.services.get(row.service)
         original = topic.publishers.get(watched.service.node) if watched else None
@@ -277,13 +273,3 @@ def _never_good(publisher: Publisher, kind: Kind) -> bool:
 def publishes(row: Optional[Substitution], topic: str) -> bool:
     """Tell if a substitute is to publish on `topic`."""
     return row is not None and row.publishing and topic in row.topics
-
-
-def stands_by(row: Optional[Substitution], topic: str) -> bool:
-    """Tell if a substitute for `topic` is muted."""
-    return row is not None and not row.publishing and topic in row.topics
-
-
-def topics_of(rows: Iterable[Optional[Substitution]]) -> List[str]:
-    """Return the topics of some rows, each once."""
-    return list(dict.fromkeys(topic for row in rows if row for topic in row.topics))

@@ -234,7 +234,7 @@ class Evidence:
         self._values = [_Value(provision, learned) for provision in checked]
         self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
         learns = learned is not None and service.period is not None
-        self._stamps = StampAges(service.period if learns else None)
+        self.stamps = StampAges(service.period if learns else None)
         self._form = Form(learns and any(each.sample is FormSample for each in self._checks))
 
     @property
@@ -250,8 +250,8 @@ class Evidence:
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps and forms on the same connection."""
         self._form = other._form
-        if self._stamps.period == other._stamps.period:
-            self._stamps = other._stamps
+        if self.stamps.period == other.stamps.period:
+            self.stamps = other.stamps
 
     def take_messages(self, other: "Evidence") -> None:
         """Go on with the messages of the same publisher, judged by other numbers so far."""
@@ -273,10 +273,6 @@ class Evidence:
             return None
         return judge(service.checks.each, self.rate.sample(service.period))
 
-    def clock_jumped(self) -> None:
-        """Forget what was learned of stamps."""
-        self._stamps.forget()
-
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Tell if a message is good, and which failure it completes, if any.
 
@@ -286,7 +282,7 @@ class Evidence:
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
         good = finding is None and not failed
-        self._stamps.heard(message, good)
+        self.stamps.heard(message, good)
         self._form.heard(message, good)
         guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
@@ -315,7 +311,7 @@ class Evidence:
             yield formula.look(message, values)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
-        for sample in (*self._stamps.samples(message), *self._form.samples(message)):
+        for sample in (*self.stamps.samples(message), *self._form.samples(message)):
             yield judge(self._checks, sample)
         for rate in self.rate.samples(message):
             if not self.rate_was_good:

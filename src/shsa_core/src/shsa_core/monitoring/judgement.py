@@ -7,7 +7,7 @@ from shsa_core.codegen.prediction import predictor
 from shsa_core.derivations.agreement import Witnesses
 from shsa_core.derivations.calibrations import Calibrations
 from shsa_core.derivations.evaluation import Derivations
-from shsa_core.model.checks import Finding, judge
+from shsa_core.model.checks import BY_VALUE, Finding, judge
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import IntruderSample, ValueSample
@@ -95,7 +95,9 @@ class Judgement:
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(publisher, failure.kind, failure.detail)
         self._learn(publisher, event, good)
-        if publisher.kind is None and (alibi or good and publisher.is_notable):
+        evidence = publisher.evidence
+        notable = publisher.detail or publisher.suspicions or evidence.unusual
+        if publisher.kind is None and (alibi or good and notable):
             self._note(publisher, alibi)
         return good
 
@@ -171,7 +173,10 @@ class Judgement:
         if blame is Blame.RATE:
             return any(each.is_slow for each in upstream)
         replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)
-        return any(each.tells_wrong for each in upstream) or blame is Blame.VALUE and any(replaced)
+        if blame is Blame.VALUE and any(replaced):
+            return True
+        bad = (each.evidence.verdict.newest_is_bad for each in upstream)
+        return any(bad) or any(each.kind in BY_VALUE for each in upstream)
 
     def _intrusion(self, publisher: Publisher) -> Optional[Finding]:
         """Return what is held against a publisher that nobody names beside a healthy one."""

@@ -11,7 +11,7 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
 from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
-from shsa_core.monitoring.board import publishes, topics_of
+from shsa_core.monitoring.board import publishes
 from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
@@ -72,7 +72,7 @@ class Monitor:
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the health of every publisher, as of the last event."""
-        return self._pace.rows(self._board.table())
+        return self._pace.rows(tuple(each.row() for each in self._board.all()))
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
@@ -142,7 +142,8 @@ class Monitor:
     def _substitutions_changed(self, event: events.SubstitutionsChanged) -> None:
         board = self._board
         for node, before, now in board.substitutes.change(event):
-            for name in topics_of((before, now)):
+            rows = [row for row in (before, now) if row is not None]
+            for name in dict.fromkeys(topic for row in rows for topic in row.topics):
                 publisher = board.find(name, node)
                 if publisher is None:
                     continue
@@ -240,7 +241,7 @@ class Monitor:
         """Learn stamps anew if our own clock was set."""
         self._around.clock(event.waited)
         for publisher in self._board.all() if self._pace.jumped else ():
-            publisher.evidence.clock_jumped()
+            publisher.evidence.stamps.forget()
 
     def _ending(self, event: events.Ending) -> None:
         self._ending_nodes.update(event.nodes)

@@ -62,7 +62,9 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row() for each in concerned if each.name != NOBODY)
     watched = topic.services[service.name]
-    return ServiceHealth(service, condition, detail, rows, watched.told, watched.bridged)
+    gaps = watched.gaps
+    deadline = "" if gaps is None else f"{gaps.allowed:.3f} s, {gaps.told()}"
+    return ServiceHealth(service, condition, detail, rows, deadline, watched.bridged)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

@@ -6,7 +6,7 @@ from typing import Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
-from shsa_core.model.checks import BY_VALUE, Check, Checks
+from shsa_core.model.checks import Check, Checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import IntruderSample
@@ -58,11 +58,6 @@ class WatchedService:
     def allowed(self) -> float:
         """The silence in s that its node is allowed; inf: any."""
         return self.deadline if self.gaps is None else self.gaps.allowed
-
-    @property
-    def told(self) -> str:
-        """The silence that its node is allowed, and why, in words; empty: a fixed one."""
-        return "" if self.gaps is None else f"{self.gaps.allowed:.3f} s, {self.gaps.told()}"
 
 
 @dataclass(eq=False)
@@ -141,11 +136,6 @@ class Publisher:
     def is_healthy(self) -> bool:
         return self.state is PublisherState.HEALTHY
 
-    @property
-    def is_notable(self) -> bool:
-        """True if something is told of it, or may be: a doubt, or what is unusual."""
-        return bool(self.detail or self.suspicions or self.evidence.unusual)
-
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
         if self.last_heard is not None and self.reconnects_until == -inf:
@@ -165,11 +155,6 @@ class Publisher:
             self.begin_anew()
             if self.service.name == name:
                 self.evidence.take_messages(before)
-
-    @property
-    def tells_wrong(self) -> bool:
-        """True if it failed by what it says, or its newest message is bad."""
-        return self.evidence.verdict.newest_is_bad or self.kind in BY_VALUE
 
     @property
     def is_slow(self) -> bool:
