@@ -10,7 +10,7 @@ from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from shsa_core.model.substitution import CHANGEOVER_S
-from shsa_core.monitoring.settings import RECONNECT_S, TOGETHER_NODES
+from shsa_core.monitoring.settings import TOGETHER_NODES
 
 
 class Blame(Enum):
@@ -32,8 +32,8 @@ class Case:
 
     `limit`: until when alibis count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
-    `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
-    when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
+    `busy`: when healing connected to it, or a substitute came up, last; `short`: when it or the
+    computer was short of processor time. `paced`: the rate by the SOM is its
     own. `together`: how many nodes are late, or out of range, with it, itself included.
     `confirmed`: what others tell is as far out of range. `fed_badly`: what it is computed from is
     at fault as well. `robot_came`: some node of the robot was there, or was under a former monitor.
@@ -45,8 +45,7 @@ class Case:
     limit: float = inf
     due: float = -inf
     reconnects_until: float = -inf
-    connected: float = -inf
-    came_up: float = -inf
+    busy: float = -inf
     short: float = -inf
     paced: bool = True
     together: int = 1
@@ -92,14 +91,9 @@ ROWS = (
         lambda case: case.reconnects_until,
     ),
     Row(
-        "healing connected to it, and it has its threads to share",
+        "healing connected to it, or a substitute came up, which takes its time",
         _LATE,
-        lambda case: case.connected + RECONNECT_S >= case.began,
-    ),
-    Row(
-        "a substitute came up, which takes time from others",
-        _LATE,
-        lambda case: case.came_up + CHANGEOVER_S >= case.began,
+        lambda case: case.busy + CHANGEOVER_S >= case.began,
     ),
     Row(
         "it waits for a processor, or the computer is short of processor time",

@@ -23,9 +23,8 @@ class Settings:
 
 # Alibis.
 RECONNECT_S = 0.5
-"""A node whose connection was lost, and which lives, gives another one within this; a new monitor
-connects within this to who is there; and a silence may come of a connection of healing's own that
-was made in it, or so long before."""
+"""A node whose connection was lost, and which lives, gives another one within this; and a new
+monitor connects within this to who is there."""
 SHORT_SHARE = 0.5
 """Of the time in which something waits for a processor: with less, healthy streams came in time.
 So it is with what the threads of one node wait together: at 0.6 of its rate one waited for 0.9."""

@@ -50,8 +50,9 @@ class Schedule:
 class Job:
     """The program of one row of the table of substitutions.
 
-    `latest`: what it yielded last, None if nothing. Raises ShsaError if the program is not valid,
-    or if its outputs are not of one topic.
+    `latest`: what it yielded last, None if nothing. `unstarted`: the fields of its outputs that are
+    integrals from nobody knows where. Raises ShsaError if the program is not valid, or if its
+    outputs are not of one topic.
     """
 
     def __init__(self, row: Substitution, now: float) -> None:
@@ -62,13 +63,13 @@ class Job:
         gap = longest_gap(self.period)
         program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
         self._program = program
-        self._unstarted = {
+        self.unstarted = {
             signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
         }
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
         if not row.service and row.publishing:
-            self._unstarted.clear()  # somebody started it by hand: from 0, as documented
+            self.unstarted.clear()  # somebody started it by hand: from 0, as documented
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None
         self._stepped = self._rests_until = -math.inf
@@ -107,11 +108,6 @@ class Job:
         return self._program.hidden or any(each is not None for each in self._program.integrals)
 
     @property
-    def unstarted(self) -> Tuple[str, ...]:
-        """Return the fields of its outputs that are integrals from nobody knows where."""
-        return tuple(sorted(self._unstarted))
-
-    @property
     def written(self) -> Tuple[Tuple[str, Optional[float]], ...]:
         """Return the fields of its outputs, each with its standard deviation; None: not known.
 
@@ -127,7 +123,7 @@ class Job:
         for signal, sum_ in zip(self.outputs, self._program.integrals):
             if sum_ is not None and signal.field in known:
                 sum_[0] = known[signal.field]
-                self._unstarted.discard(signal.field)
+                self.unstarted.discard(signal.field)
                 self.latest = None
             elif signal.field in known and is_angle(signal.field):
                 self._begins[signal.field] = known[signal.field]
@@ -139,8 +135,8 @@ class Job:
             return []
         self._complained = True
         said: List[Log] = []
-        if self._unstarted:
-            fields = ", ".join(self.unstarted)
+        if self.unstarted:
+            fields = ", ".join(sorted(self.unstarted))
             text = f"no last good message says where {fields} of {self.topic} was"
             said.append(Log(Level.ERROR, f"publishes nothing: {text}"))
         if self._program.hidden:
