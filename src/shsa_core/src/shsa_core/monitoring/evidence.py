@@ -13,7 +13,7 @@ from shsa_core.model.samples import FormSample, FormulaSample, RateSample, Stamp
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.habits import Form, StampAges, Stillness
-from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
+from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS, SLOW_PACE
 
 
 Learned = Dict[Tuple[str, str], Stillness]
@@ -131,11 +131,9 @@ class _Rate:
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
     @property
-    def pace(self) -> Optional[float]:
-        """The rate as a share of the service's; None: not known yet."""
-        if not self.is_known or self.span <= 0.0:
-            return None
-        return (len(self.times) - 1) * self._period / self.span
+    def is_slow(self) -> bool:
+        """True if the rate is too low, or nearly so."""
+        return self.is_known and (len(self.times) - 1) * self._period < SLOW_PACE * self.span
 
     def samples(self, message: Message) -> Iterator[RateSample]:
         """Yield the mean rate, in doubt for the publisher: it came in the last `waited` s."""

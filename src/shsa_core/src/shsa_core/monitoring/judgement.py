@@ -1,6 +1,6 @@
 """Judges a publisher by its messages, and by its silence."""
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Optional
 
 from shsa_core.codegen.prediction import predictor
@@ -186,10 +186,6 @@ class Judgement:
         if publisher.kind is Kind.UNKNOWN_PUBLISHER:
             return Finding(publisher.kind, publisher.detail)
         rightful = tuple(p.name for p in topic.healthy() if board.is_named(p))
-        if not rightful:
-            publisher.intruding_since = None
-            return None
-        if publisher.intruding_since is None:
-            publisher.intruding_since = board.now
+        publisher.intruding_since = min(publisher.intruding_since, board.now) if rightful else inf
         sample = IntruderSample(board.now - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)

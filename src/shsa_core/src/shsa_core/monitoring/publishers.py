@@ -13,7 +13,6 @@ from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.evidence import Evidence, Learned
-from shsa_core.monitoring.settings import SLOW_PACE
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -94,7 +93,7 @@ class Publisher:
     excused_until: float = -inf
     reconnects_until: float = -inf
     steady: bool = False
-    intruding_since: Optional[float] = None
+    intruding_since: float = inf
     backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
     logged: Set[str] = field(default_factory=set)
@@ -159,8 +158,7 @@ class Publisher:
     @property
     def is_slow(self) -> bool:
         """True if its messages come too seldom, or nearly so."""
-        pace = self.evidence.rate.pace
-        return self.kind is Kind.RATE_LOW or (pace is not None and pace < SLOW_PACE)
+        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_slow
 
     @property
     def was_logged(self) -> bool:
