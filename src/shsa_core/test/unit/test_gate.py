@@ -46,7 +46,7 @@ class Stand:
             else:
                 passed.append(command)
         assert not (self.core._muted and passed), "a muted gate lets nothing pass"
-        assert {each.publisher for each in passed} <= {GATED.node, *self.core._judges}
+        assert {each.publisher for each in passed} <= {GATED.node, *self.core._substitutes}
         self.heard += [(event.time, each) for each in passed]
         return passed
 

@@ -70,7 +70,8 @@ class Gate:
         self._values_alone = _values_alone(service)
         self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
-        self._judges: Dict[str, Evidence] = {}  # of the substitutes, by their nodes
+        self._derived = Evidence(self._values_alone)  # what substitutes say; it holds no history
+        self._substitutes: Set[str] = set()
         self._newest: Optional[Arrived] = None  # good message of a substitute
         self._muted, self._filling = bool(first), False
         self._last_out = time
@@ -91,7 +92,7 @@ class Gate:
 
     def service_of(self, publisher: str) -> Optional[Service]:
         """Return what judges a publisher: a substitute by its values alone; None: a stranger."""
-        if publisher in self._judges:
+        if publisher in self._substitutes:
             return self._values_alone
         return self._original.judged if publisher == self._service.node else None
 
@@ -124,10 +125,8 @@ class Gate:
             self._rows.pop(key, None)
         mine = (row for row in event.rows if row.service == self._service.name and row.node)
         self._rows.update((row_key(row), row) for row in mine)
-        nodes: Set[str] = {row.node for row in self._rows.values()}
-        judges = self._judges
-        self._judges = {n: judges.get(n) or Evidence(self._values_alone) for n in nodes}
-        if self._newest is not None and self._newest.message.publisher not in nodes:
+        self._substitutes = {row.node for row in self._rows.values()}
+        if self._newest is not None and self._newest.message.publisher not in self._substitutes:
             self._newest = None
         return []
 
@@ -142,7 +141,7 @@ class Gate:
         publisher = event.message.publisher
         if publisher == self._service.node:
             return self._of_original(event)
-        return self._of_substitute(event) if publisher in self._judges else []
+        return self._of_substitute(event) if publisher in self._substitutes else []
 
     def _of_original(self, event: Arrived) -> List[Command]:
         original, before = self._original, self._original.failure
@@ -173,7 +172,7 @@ class Gate:
             return False
         publisher = newest.message.publisher
         rows = (row for row in self._rows.values() if row.node == publisher)
-        both = (self._original.evidence, event.message), (self._judges[publisher], newest.message)
+        both = (self._original.evidence, event.message), (self._derived, newest.message)
         said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
         return self._doubt.holds(said, derived, rows, event.time)
 
@@ -188,7 +187,7 @@ class Gate:
     def _of_substitute(self, event: Arrived) -> List[Command]:
         """Keep a good value; pass it on while nobody better speaks."""
         message, speaker = event.message, self._stands_in
-        bad = any(self._judges[message.publisher].findings(message, True))
+        bad = any(self._derived.findings(message, True))
         ahead = message.age is not None and message.age < -(self._service.period or 1.0)
         if bad or ahead or speaker not in ("", message.publisher):
             return []

@@ -56,7 +56,7 @@ class Substitute:
                 events.ConsumerJoined: self._consumer_joined,
                 events.OriginalServes: self._handover.answer,
                 events.OtherHeard: self._other_heard,
-                events.OtherGone: self._other_gone,
+                events.OtherGone: lambda e: None if self._hands_over else others.gone(e),
                 events.OthersStand: others.answer,
                 events.ReachChanged: self._reach_changed,
                 events.FailureHeard: lambda e: self._alone.failed(e, self.row),
@@ -342,10 +342,6 @@ class Substitute:
     def _other_heard(self, event: events.OtherHeard) -> None:
         self._alone.hear(event)
         self._others.hear(event)
-
-    def _other_gone(self, event: events.OtherGone) -> None:
-        if not self._hands_over:
-            self._others.gone(event)
 
     # What it publishes.
 
