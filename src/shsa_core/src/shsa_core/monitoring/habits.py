@@ -89,7 +89,7 @@ class Form:
     """
 
     def __init__(self, learns: bool) -> None:
-        self._left = settings.AGES if learns else inf  # messages until it is known
+        self._left = settings.AGES if learns else 0  # messages until it is known
         self._same: Optional[Dict[str, Part]] = None
 
     def samples(self, message: Message) -> Iterator[FormSample]:

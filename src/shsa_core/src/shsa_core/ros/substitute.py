@@ -173,9 +173,9 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        watched = None if self._host else self._to_monitor.beat(at_once=True)
-        healed = self._heart.beat(at_once=True)
-        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, healed, watched))
+        healers = [self._heart] if self._host else [self._heart, self._to_monitor]
+        alone = not all([each.beat(at_once=True) for each in healers])
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _take_over(self, command: events.TakeOver) -> None:
         row, now = command.row, self._clock.now()

@@ -154,16 +154,15 @@ class LookAtOthers(Act):
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: whether the connection stands.
+    """The answer to a look: the connection stands or not.
 
-    `healed`: our heartbeats are heard by the reconfigurator, or by the agent of our computer;
-    `watched`: by the monitor; None: that is on another computer, and cannot hear them.
+    `alone`: our heartbeats are not heard by the reconfigurator, or the agent of our computer, or
+    not by a monitor on it.
     """
 
     look: LookAtOthers
     stands: bool
-    healed: bool = True
-    watched: Optional[bool] = None
+    alone: bool = False
 
 
 @dataclass(frozen=True)

@@ -99,8 +99,7 @@ class OtherPublishers:
         if event.look != self._awaited:
             return
         quick = self.original is Original.SPEAKS and self.bridge < LOOK_AGAIN_S / 2.0
-        alone = not event.healed or event.watched is False
-        self._alone = ALONE_LOOKS if alone else self._alone - 1
+        self._alone = ALONE_LOOKS if event.alone else self._alone - 1
         if event.stands:
             self._judge(Original.HANGS, event.time)
         elif self.original is Original.HANGS or quick or self._alone > 0:
