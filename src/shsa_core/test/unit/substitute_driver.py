@@ -92,7 +92,7 @@ class Driver:
     def served(self, commands: List[Any], *consumers: str) -> List[Any]:
         """Answer the look at the original among `commands`."""
         (look,) = only(commands, events.LookAtOriginal)
-        return self.tell(events.OriginalServes, look, frozenset(consumers))
+        return self.tell(events.OriginalServes, look, frozenset(consumers) if consumers else None)
 
     def stream(self, until: float, value: float = 1.0, topic: str = "/in") -> None:
         """The input comes once a period, and time passes."""

@@ -218,8 +218,7 @@ class SubstituteNode:
     def _look_at_original(self, look: events.LookAtOriginal) -> None:
         def call() -> None:
             served = self._originals.served_consumers(look.topic, look.original)
-            up, consumers = served is not None, served or frozenset()
-            self._inputs.put(events.OriginalServes(self._clock.now(), look, consumers, up))
+            self._inputs.put(events.OriginalServes(self._clock.now(), look, served))
 
         self._looks.put(call)
 

@@ -112,12 +112,11 @@ class LookAtOriginal(Act):
 class OriginalServes(Event):
     """The answer to a look: the consumers to which the original has published already.
 
-    `up`: it answers, and so it may publish any moment.
+    None: it does not answer; else it may publish any moment.
     """
 
     look: LookAtOriginal
-    consumers: FrozenSet[str]
-    up: bool = False
+    consumers: Optional[FrozenSet[str]]
 
 
 @dataclass(frozen=True)

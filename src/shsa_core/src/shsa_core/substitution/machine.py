@@ -49,7 +49,8 @@ class Substitute:
             Event,
             {
                 events.RowChanged: self._row_changed,
-                events.RowRemoved: self._row_removed,
+                # Whoever made the table may have started anew: it goes on as it was told last.
+                events.RowRemoved: lambda e: others.forget(),
                 events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
@@ -156,14 +157,6 @@ class Substitute:
         if first and self._refused is not None:
             return [events.GiveUp(command.text) for command in commands if isinstance(command, Log)]
         return commands
-
-    def _row_removed(self, _: events.RowRemoved) -> List[Command]:
-        """Go on as told last, but fill in for nobody.
-
-        Whoever made the table may have started anew, and learns of us later.
-        """
-        self._others.forget()
-        return [Log(Level.DEBUG, "the table has no row of this node any more")]
 
     def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
         """Go on publishing; alone, end if it stands by, unless somebody started it by hand."""
