@@ -13,7 +13,7 @@ from shsa_core.model.log import Level
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution, row_key
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence
 from shsa_core.watch import Watch
 
@@ -84,7 +84,6 @@ class Gate:
             {
                 SubstitutionsChanged: self._substitutions_changed,
                 Arrived: self._arrived,
-                events.Overheard: self._overheard,
                 events.Disconnected: self._disconnected,
                 events.Tick: self._tick,
             },
@@ -139,6 +138,8 @@ class Gate:
 
     def _arrived(self, event: Arrived) -> List[Command]:
         publisher = event.message.publisher
+        if event.message.topic != self._service.topic:
+            return self._overheard(event.message)
         if publisher == self._service.node:
             return self._of_original(event)
         return self._of_substitute(event) if publisher in self._substitutes else []
@@ -157,13 +158,14 @@ class Gate:
             self._filling = True
             return said + self._fill(event.time)
         # Consumers may have heard a substitute's message of that time, or a later one.
-        ahead = self._substitutes_stamp - event.stamp
-        replaced = event.stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
+        stamp = event.message.stamp
+        ahead = self._substitutes_stamp - stamp
+        replaced = stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
         if self._muted or replaced or not original.is_in_turn(event.time):
             return said
         self._filling = False
-        original.heard, original.stamp = event.time, event.stamp
-        return said + self._pass(event, event.time, event.stamp)
+        original.heard, original.stamp = event.time, stamp
+        return said + self._pass(event, event.time, stamp)
 
     def _is_doubted(self, event: Arrived) -> bool:
         """Tell if the newest value of a substitute contradicts a message of the node."""
@@ -195,7 +197,7 @@ class Gate:
         speaks = speaker or self._filling or self._original.failure is not None
         return self._fill(event.time) if speaks else []
 
-    def _overheard(self, event: events.Overheard) -> List[Command]:
+    def _overheard(self, event: Message) -> List[Command]:
         """Be still: the gate that this one stands by for speaks."""
         if event.publisher != self._first:
             return []
@@ -245,7 +247,7 @@ class Gate:
 
         Else a node whose stamps are older than its substitute's could never return.
         """
-        original, period, wanted = self._original, self._service.period, newest.stamp
+        original, period, wanted = self._original, self._service.period, newest.message.stamp
         if not wanted:
             return 0
         if original.stamp and period is not None:
@@ -255,7 +257,7 @@ class Gate:
 
     def _pass(self, arrived: Arrived, time: float, stamp: int) -> List[Command]:
         self._last_out, self._stamp = time, stamp or self._stamp
-        written = None if stamp == arrived.stamp else stamp
+        written = None if stamp == arrived.message.stamp else stamp
         return [Pass(arrived.data, arrived.message.publisher, written)]
 
 
