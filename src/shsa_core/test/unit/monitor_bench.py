@@ -19,6 +19,7 @@ from shsa_core.monitoring.events import (
     Interrupted,
     Message,
     SomChanged,
+    Subscribed,
     SubstitutionsChanged,
     Tick,
 )
@@ -101,7 +102,9 @@ class Bench:
             self.connect("/another", "/elsewhere")
 
     def watch(self, *services: Service, unheard: Tuple[str, ...] = ()) -> None:
-        self.send(SomChanged(self.now, Som(services), unheard))
+        self.send(SomChanged(self.now, Som(services)))
+        for topic in dict.fromkeys(each.topic for each in services if each.topic not in unheard):
+            self.send(Subscribed(self.now, topic))
 
     def send(self, event: Event) -> List[Command]:
         if isinstance(event, Message):

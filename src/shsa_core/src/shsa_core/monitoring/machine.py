@@ -111,9 +111,6 @@ class Monitor:
         for name in self._som.topics():
             if self._som.of_topic(name) != before.of_topic(name):
                 self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
-        for name in event.unheard:
-            if name in self._board.topics:
-                self._board.topics[name].subscribed = False
 
     def _subscribed(self, event: events.Subscribed) -> None:
         topic = self._board.topics.get(event.topic)

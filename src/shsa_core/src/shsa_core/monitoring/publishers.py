@@ -224,7 +224,7 @@ class WatchedTopic:
     """
 
     name: str
-    subscribed: bool = True
+    subscribed: bool = False
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)
