@@ -1,7 +1,7 @@
 """The monitor's core on the bench: time is moved by hand, messages and connections are made up."""
 from dataclasses import replace
 from math import inf
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Set, Tuple
 
 from shsa_core.model.checks import Checks, default_checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
@@ -179,6 +179,10 @@ class Bench:
         """The whole table: nodes that have a program for `topic`, and whether they publish."""
         whole = tuple(row(node, publishing, topic) for node, publishing in rows)
         self.send(SubstitutionsChanged(self.now, whole, whole=True))
+
+    def muted(self) -> Set[Key]:
+        """Return the substitutes that stand by."""
+        return {each.key for each in self.core._board.all() if self.core._board.is_muted(each)}
 
     def state(self, node: str = NODE, topic: str = TOPIC) -> Optional[str]:
         found = self.rows.get((topic, node))

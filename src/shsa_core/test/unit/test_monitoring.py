@@ -341,11 +341,11 @@ def test_rows_of_substitutions_come_as_changes(bench: Bench) -> None:
     bench.send(SubstitutionsChanged(bench.now, (row("/substitute_2", False, TOPIC),)))
     bench.connect("/substitute_1")
     bench.connect("/substitute_2")
-    assert len(bench.core.muted()) == 2
+    assert len(bench.muted()) == 2
     bench.send(SubstitutionsChanged(bench.now, (), removed=("/substitute_1", "/who")))
     bench.message(node="/substitute_1")
     bench.stream(100)
-    assert bench.failures == [] and len(bench.core.muted()) == 2
+    assert bench.failures == [] and len(bench.muted()) == 2
     bench.send(SubstitutionsChanged(bench.now, (row("/substitute_1", True, TOPIC),)))
     bench.message(node="/substitute_1")
     bench.stream(100)

@@ -33,9 +33,9 @@ def test_a_muted_substitute_is_never_silent(bench: Bench) -> None:
     bench.connect("/substitute_1")
     bench.stream(500)
     assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
-    assert bench.core.muted() == {(TOPIC, "/substitute_1")}
+    assert bench.muted() == {(TOPIC, "/substitute_1")}
     bench.substitutes(("/substitute_1", True))
-    assert bench.core.muted() == set()
+    assert bench.muted() == set()
     bench.substitutes(("/substitute_1", False))
     bench.disconnect("/substitute_1")
     assert bench.failures == [] and bench.state("/substitute_1") is None
@@ -194,7 +194,7 @@ def test_who_fills_in_is_counted_and_held_against_nobody(bench: Bench) -> None:
     assert filled_in(bench) == 2
     bench.stream(20)
     assert bench.failures == [] and bench.state("/substitute_1") == "unknown"
-    assert bench.core.muted() == {(TOPIC, "/substitute_1")}
+    assert bench.muted() == {(TOPIC, "/substitute_1")}
     (health,) = bench.core.overview()
     assert (str(health.condition), health.bridged) == ("healthy", 2)
 

@@ -140,6 +140,10 @@ class Board:
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
 
+    def is_muted(self, publisher: Publisher) -> bool:
+        """Tell if it is a substitute that stands by: it publishes nothing, and need not."""
+        return publisher.state is UNKNOWN and self.may_be_silent(publisher)
+
     # Changes
 
     def look_when_due(self, publisher: Publisher) -> None:

@@ -10,7 +10,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
+from shsa_core.monitoring.board import FAILED, HEALTHY, Board
 from shsa_core.monitoring.board import publishes
 from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
@@ -76,16 +76,11 @@ class Monitor:
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
-        return overview(self._som, self._board, self.muted())
+        return overview(self._som, self._board)
 
     def messages(self) -> Dict[Key, int]:
         """Return the number of messages of each publisher so far."""
         return {publisher.key: publisher.messages for publisher in self._board.all()}
-
-    def muted(self) -> Set[Key]:
-        """Return the substitutes that stand by: they publish nothing and need not."""
-        board = self._board
-        return {p.key for p in board.all() if p.state is UNKNOWN and board.may_be_silent(p)}
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service that a publisher of `topic` provides, for whose checks it is read.
