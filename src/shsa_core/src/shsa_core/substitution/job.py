@@ -96,7 +96,7 @@ class Job:
     def succeed(self, old: "Job", computed: bool, now: float) -> None:
         """Go on where an old program of the same topic was; `computed`: its values were good."""
         if computed:
-            self.start(old.published)
+            self.start(zip((signal.field for signal in old.outputs), old.latest or ()))
         self._keep_phase(old.schedule, now)
 
     def _keep_phase(self, schedule: Schedule, now: float) -> None:
@@ -143,12 +143,6 @@ class Job:
             text = f"{self.topic} is computed with an integral that has started at 0"
             said.append(Log(Level.WARN, text))
         return said
-
-    @property
-    def published(self) -> Tuple[Tuple[str, float], ...]:
-        """Return what it yielded last, by field."""
-        fields = (signal.field for signal in self.outputs)
-        return tuple(zip(fields, self.latest or ()))
 
     def due(self, hurries: bool) -> float:
         """Return when to evaluate: once a period if it `hurries` or remembers, else seldom."""
