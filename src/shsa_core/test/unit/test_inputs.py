@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
@@ -21,8 +22,8 @@ from shsa_core.ros import settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.sockets.identity import Identified, Identities
-from shsa_core.ros.sockets.subscriptions import Subscriptions, _Closed, _Made
+from shsa_core.ros.sockets.identity import Identities
+from shsa_core.ros.sockets.subscriptions import Subscriptions
 from shsa_core.substitution.events import (
     Advertised,
     Event,
@@ -72,7 +73,8 @@ class Bench:
             read_buff=io.BytesIO(),
             close=here.close,
         )
-        self.subscriptions._tell(_Made(topic, transport))
+        made = partial(self.subscriptions._take_over, topic, transport)
+        self.subscriptions._tell(topic, made)
         for _ in range(2):  # it is known by then
             self.take()
         return there
@@ -110,7 +112,7 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     def claim(self: Identities, connection: Connection) -> None:
         self._tries[connection] = 0
-        self._tell(Identified(connection, connection.publisher, connection.uri))
+        self._tell(connection, connection.publisher, connection.uri)
 
     monkeypatch.setattr(Identities, "claim", claim)
 
@@ -298,7 +300,8 @@ def test_what_rospy_closes_is_forgotten(bench: Bench) -> None:
     end = bench.connect("/in", SOURCE)
     (connection,) = bench.subscriptions._standing.values()
     assert bench.subscriptions.waits
-    bench.subscriptions._tell(_Closed("/in", connection.transport))
+    closed = partial(bench.subscriptions._closed, "/in", connection.transport)
+    bench.subscriptions._tell("/in", closed)
     connection.transport.socket.close()
     bench.take()
     assert not bench.subscriptions._standing and not bench.subscriptions.waits

@@ -140,11 +140,10 @@ class MonitorNode:
         self._heed_launch()
         for happening in happenings:
             self._companion.beat()  # who has much to catch up with does not hang
-            if isinstance(happening, subscriptions.Looked):
+            if isinstance(happening, events.Tick):
                 self._looked = happening.time
-                self._feed(events.Tick(happening.time, max(0.0, woke - wanted)))
-            else:
-                guarded("The monitor", self._happened, happening)
+                happening = events.Tick(happening.time, max(0.0, woke - wanted))
+            guarded("The monitor", self._happened, happening)
         self._tell_changes()
         self._subscribe_next()
 
@@ -173,15 +172,11 @@ class MonitorNode:
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
     def _happened(self, happening: subscriptions.Happening) -> None:
-        """Feed what happened at a connection."""
         if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
-        elif isinstance(happening, subscriptions.Gone):
-            self._feed(events.Disconnected(*happening))
-        elif isinstance(happening, subscriptions.Interrupted):
-            self._feed(events.Interrupted(*happening))
-        elif isinstance(happening, subscriptions.Connected):
-            self._feed(events.Connected(*happening))
+            return
+        self._feed(happening)
+        if isinstance(happening, events.Connected):
             service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
