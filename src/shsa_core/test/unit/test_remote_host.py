@@ -12,9 +12,9 @@ from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written  # noqa: E402
 from shsa_core.hosts.conversation import AgentEnd, RemoteHost  # noqa: E402
-from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
+from shsa_core.ros.settings import LOST_BEATS, RETURN_BEATS, TICK_S, TURN_S  # noqa: E402
 
-PATIENCE, RETURNS = LOST_BEATS * HEARTBEAT_S, RETURN_BEATS * HEARTBEAT_S
+PATIENCE, RETURNS = LOST_BEATS * TURN_S, RETURN_BEATS * TURN_S
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
 

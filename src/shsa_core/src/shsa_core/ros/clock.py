@@ -5,9 +5,11 @@ from typing import Optional, Tuple
 
 import rospy
 
+from shsa_core.ros import settings
+
 LOOKS, TOGETHER_S = 3, 1e-3  # looks at two clocks, which took s at most
-LEAP_S, LEAP = 1.0, 20.0
-"""ROS time that advances by more, and so many times faster than ours, has been set."""
+LEAP = 20.0
+"""ROS time that advances so many times faster than ours, and than a turn takes, has been set."""
 
 
 def now() -> float:
@@ -61,7 +63,7 @@ class RobotClock:
         with self._lock:
             before, self._before = self._before, both()
             ours, theirs = (new - old for new, old in zip(self._before, before))
-            leaps = theirs > LEAP_S and theirs > LEAP * ours
+            leaps = theirs > LEAP * max(ours, settings.TURN_S)
             self._now += ours if leaps else max(0.0, theirs)
             return self._now
 

@@ -11,7 +11,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
 from shsa_core.monitoring.events import Disconnected
-from shsa_core.ros import clock, settings
+from shsa_core.ros import clock
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.processes import priority
 from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
@@ -74,8 +74,7 @@ class Inputs:
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something that matters."""
-        waits = self._hurries and self._subscriptions.waits
-        self._inbox.wait(min(timeout, settings.SOON_S) if waits else timeout)
+        self._inbox.wait(timeout)
 
     def take(self, reads: bool) -> List[Event]:
         """Return what has come so far, in order; inputs that were kept only if it `reads` now.

@@ -44,7 +44,7 @@ class AgentNode:
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
-        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
+        patience = settings.LOST_BEATS * settings.TURN_S
         self._end = AgentEnd(time.monotonic_ns(), patience)
         self._load = Load()
         self._forgotten = threading.Event()
@@ -73,7 +73,7 @@ class AgentNode:
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
             self._beat()
-            if self._forgotten.wait(settings.HEARTBEAT_S):
+            if self._forgotten.wait(settings.TURN_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
         if not self._followed():
             self._host.stop_all()

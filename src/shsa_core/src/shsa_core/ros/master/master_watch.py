@@ -194,9 +194,9 @@ class MasterWatch:
             self._known = together(self._graph(state), self._known, waiting)
             self._keep_parameters()
             self._kept_at = now
-            pause = max(settings.MASTER_PAUSE_S, _took(now))
-            self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
-        self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
+            pause = max(settings.PATIENCE_S, _took(now))
+            self._keep_at = now + min(pause, 2 * settings.ANSWER_S)
+        self._look_at = now + min(settings.PATIENCE_S, _took(now))
         if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 

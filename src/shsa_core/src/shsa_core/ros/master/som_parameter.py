@@ -28,8 +28,6 @@ from shsa_core.ros.master.node_api import FAILURES, master_api
 LIVE_PARAMETERS = "numbers of the SOM on the parameter server count, too"
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
-UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S = 0.1, 0.5
-"""Of a topic that the SOM does not have."""
 
 FAILS = (*FAILURES, rospy.ROSException)
 
@@ -246,4 +244,4 @@ def _unmapped(path: str, types: Dict[str, str]) -> Signal:
         raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
     topic = max(topics, key=len)
     field = str(parse_field(path[len(topic) + 1 :], "/"))
-    return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)
+    return Signal(topic, field, types[topic], "", settings.TURN_S, settings.CALL_S)

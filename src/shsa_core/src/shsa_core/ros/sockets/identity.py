@@ -80,7 +80,7 @@ class Identities:
             return True
         if node is not None and tries:  # at first it may be registering
             self._refused(connection.topic, connection.publisher, NOT_LISTED)
-        pause = doubled(settings.FIRST_PAUSE_S, tries, settings.LONGEST_MASTER_PAUSE_S)
+        pause = doubled(settings.FIRST_PAUSE_S, tries, 2 * settings.ANSWER_S)
         self._again.set(connection, clock.now() + pause)
         self._tries[connection] += 1
         return False

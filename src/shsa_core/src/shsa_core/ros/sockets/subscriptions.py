@@ -162,11 +162,6 @@ class Subscriptions:
         for connection in self._standing.values():
             self._have_wake(connection, connection.is_large or self._wakes(connection.topic))
 
-    @property
-    def waits(self) -> bool:
-        """Return whether there are connections that wake nobody, and are to be read as well."""
-        return not all(each.wakes for each in self._standing.values())
-
     def publishers(self, topic: str) -> Set[str]:
         """Return who publishes a topic, by the connections that stand."""
         standing = self._standing.values()
