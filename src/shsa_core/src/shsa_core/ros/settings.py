@@ -66,8 +66,7 @@ many of other users and computers to our topics."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16
-"""Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
-is refused too: the SOM is looked at all the same."""
+"""Of a call to it; all of them together so have 13 MB."""
 CALLER_SHARE, CALLER_CREDIT_S = 0.02, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000

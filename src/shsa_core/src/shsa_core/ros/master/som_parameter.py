@@ -7,8 +7,8 @@ import time
 from functools import partial
 from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
+import rosgraph
 import rospy
-from rospy.impl.paramserver import get_param_server_cache
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
@@ -43,12 +43,12 @@ def get_som_parameter() -> Optional[object]:
 
 
 class SomWatch:
-    """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
+    """Calls `changed(som)` from a thread of its own after a change at shsa/som.
 
-    `live`: numbers at shsa/som count; else those of the file alone do. What is not valid is named
-    once and refused: the old entry stays. Who has `reread`, which reads the SOM file again, puts
-    that entry back onto the server, and looks if the file is another one: only the file can add,
-    drop or move a service.
+    `live`: numbers at shsa/som count, within a second; else those of the file alone do. What is not
+    valid is named once and refused: the old entry stays. Who has `reread`, which reads the SOM file
+    again, puts that entry back onto the server, and looks if the file is another one: only the file
+    can add, drop or move a service.
     """
 
     def __init__(
@@ -64,8 +64,6 @@ class SomWatch:
         self._said: Set[str] = set()
         self._name = rospy.resolve_name(PARAMETER)
         self._lock = threading.Lock()
-        self._look = threading.Event()
-        self._hear_updates()
         threading.Thread(target=self._watch, name="som", daemon=True).start()
 
     def replace(self, som: Som) -> None:
@@ -73,7 +71,6 @@ class SomWatch:
         with self._lock:
             self._som = self._file = som
             self._seen = ""
-        self._look.set()
 
     def put_back(self, service: Service) -> None:
         """Go on by the numbers that count of a service, on the server as well."""
@@ -83,43 +80,23 @@ class SomWatch:
             name = f"{self._name}/services/{service.name}"
             _ask(lambda: rospy.set_param(name, service_parameters(service)))
 
-    def _hear_updates(self) -> None:
-        """Look as soon as the master says that something has changed.
-
-        rospy's own cache loses the news of a key that was not there before, and then unsubscribes.
-        """
-        cache = get_param_server_cache()
-        rospys_own = cache.update
-
-        def update(key: str, value: object) -> None:
-            if (key.rstrip("/") + "/").startswith(self._name + "/"):
-                self._look.set()
-            else:
-                rospys_own(key, value)
-
-        cache.update = update
-
     def _watch(self) -> None:
         while not rospy.is_shutdown():
             begin = time.monotonic()
-            self._look.clear()
-            value = _ask(self._subscribe)
+            value = _ask(self._value)
             if value is not None:
                 with self._lock:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
             rest = max(settings.MASTER_LOOK_S, took)
-            if self._look.wait(rest):
-                # Whoever sets it without end is heard of once a look.
-                _ask(lambda: master_api().unsubscribeParam(rospy.get_node_uri(), self._name))
-                time.sleep(max(0.0, begin + min(rest, settings.LOOK_S) - time.monotonic()))
+            rospy.rostime.wallsleep(min(rest, settings.LOOK_S) if self._live else rest)
 
-    def _subscribe(self) -> Optional[object]:
-        """Return the value, {} if there is none; from now on the master tells of changes.
-
-        A master that was started anew knows of nobody.
-        """
-        return master_api().subscribeParam(rospy.get_node_uri(), self._name)
+    def _value(self) -> object:
+        """Return what lies at shsa/som; {} if nothing does."""
+        try:
+            return master_api().getParam(self._name)
+        except rosgraph.MasterError:
+            return {}
 
     def _heed(self, value: object) -> None:
         seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
