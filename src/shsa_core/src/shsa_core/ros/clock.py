@@ -7,7 +7,8 @@ import rospy
 
 from shsa_core.ros import settings
 
-LOOKS, TOGETHER_S = 3, 1e-3  # looks at two clocks, which took s at most
+LOOKS = 3
+"""At two clocks, of which the quickest counts."""
 LEAP = 20.0
 """ROS time that advances so many times faster than ours, and than a turn takes, has been set."""
 
@@ -28,8 +29,6 @@ def both() -> Tuple[float, float]:
     for _ in range(LOOKS):
         before, ros = now(), ros_ns() / 1e9
         found.append((now() - before, before, ros))
-        if found[-1][0] < TOGETHER_S:
-            break
     _, moment, ros = min(found)
     return moment, ros
 

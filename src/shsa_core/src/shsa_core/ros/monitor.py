@@ -72,9 +72,7 @@ class MonitorNode:
         self._parameters = Workers("parameters")
         self._changes: Dict[Key, Optional[PublisherHealth]] = {}
         self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
-        health, calibrations = (
-            names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
-        )
+        health, calibrations = names.told_by_monitor(arguments.host)
         self._health = TablePublisher(
             health, msg.Health, "publishers", wire.health_row_key, signing
         )
@@ -148,10 +146,7 @@ class MonitorNode:
         self._subscribe_next()
 
     def _heed_launch(self) -> None:
-        """Look whether the launch is ending, after something was read and before it is fed.
-
-        Who stops because of that stops after it was told to, and so after the launch has said it.
-        """
+        """Look after something was read, and before it is fed: the launch first says that it ends."""
         if self._launch.ending():
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
@@ -267,10 +262,7 @@ class MonitorNode:
 
 
 def _read(arguments: argparse.Namespace) -> Som:
-    """The valid services of a SOM file; errors of the others are logged.
-
-    Raises ModelError if there is nothing to watch, or a host is not in the file.
-    """
+    """The valid services of a SOM file. Raises ModelError if there is nothing to watch."""
     path = arguments.som
     som, errors = load_som(path, rospy.get_namespace())
     for error in errors:

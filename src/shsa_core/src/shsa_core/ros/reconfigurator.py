@@ -390,9 +390,7 @@ class ReconfiguratorNode:
     def _hear_monitors(self, som: Som) -> None:
         """Hear the monitors of more computers, if they have one; no host: that of all others."""
         for host in {"", *som.hosts} - self._monitors.keys():
-            health, calibrations = (
-                names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
-            )
+            health, calibrations = names.told_by_monitor(host)
             self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
             TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
             heard = partial(self._health, host)

@@ -57,7 +57,7 @@ class MasterCalls:
     """
 
     def __init__(self) -> None:
-        self._master = node_api(rosgraph.get_master_uri(), MASTER)
+        self._master = node_api(rosgraph.get_master_uri(), *MASTER)
         self._me = rospy.get_name()
 
     def state(self) -> State:

@@ -188,10 +188,7 @@ def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
     them, or the master does not answer. No type is loaded.
     """
     try:
-        known = _som_signals()
-        types: Dict[str, str] = {}
-        if not all(path in known for path in paths):
-            types = dict(master_api().getTopicTypes())
+        known, types = _som_signals(), dict(master_api().getTopicTypes())
     except FAILURES as error:
         raise ShsaError(f"the master does not answer: {error}") from error
     return tuple(known[path] if path in known else _unmapped(path, types) for path in paths)

@@ -23,7 +23,7 @@ from rospy.topics import _SubscriberImpl
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import NODE, node_api
+from shsa_core.ros.master.node_api import node_api
 
 LENGTH = struct.Struct("<I")
 
@@ -60,7 +60,7 @@ def ask_in_time() -> None:
 
     To be called before the node is initialised.
     """
-    patient = lambda uri, **_: node_api(uri, NODE._replace(timeout=settings.PATIENCE_S))
+    patient = lambda uri, **_: node_api(uri, settings.PATIENCE_S)
     masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
 
 
