@@ -146,7 +146,7 @@ class MonitorNode:
         self._subscribe_next()
 
     def _heed_launch(self) -> None:
-        """Look after something was read, and before it is fed: the launch first says that it ends."""
+        """Look after something was read and before it is fed: the launch first says that it ends."""
         if self._launch.ending():
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
