@@ -116,7 +116,7 @@ def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setattr(Identities, "claim", claim)
 
     def subscribe(self: Subscriptions, topic: str) -> None:
-        self._implementations[topic] = HandedOver(topic, lambda _: None, lambda _: None)
+        self.topics[topic] = HandedOver(topic, lambda _: None, lambda _: None)
 
     monkeypatch.setattr(Subscriptions, "subscribe", subscribe)
     rospy.rostime.set_rostime_initialized(True)

@@ -79,7 +79,7 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
 def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node: Node) -> None:
     """Do as a subscriber that is told twice, and a publisher that sees the second one first."""
     monitor.connect(node)
-    implementation = monitor.connections._implementations[monitor.topic]
+    implementation = monitor.connections.topics[monitor.topic]
     node.drops = 1
     first = implementation.connections[0]
     monitor.hear_of(node)  # rospy drops the first one, the publisher the second

@@ -145,7 +145,7 @@ def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> Non
     rospy.rostime.set_rostime_initialized(True)
     subscriptions = Subscriptions(time.monotonic, lambda *_: None)
     ignored = lambda _: None
-    subscriptions._implementations["/topic"] = HandedOver("/topic", ignored, ignored)
+    subscriptions.topics["/topic"] = HandedOver("/topic", ignored, ignored)
     transport = connecting()
     transport.socket, other = socket.socketpair()
     transport.header = {"callerid": "/node"}

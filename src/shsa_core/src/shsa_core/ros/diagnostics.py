@@ -7,6 +7,7 @@ row says whose it is by the full name of its node: `robot1/monitor: battery_curr
 import queue
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 import rospy
@@ -38,6 +39,7 @@ HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEAL
 """In any other state the service is not healed."""
 
 
+@dataclass
 class Diagnostics:
     """Shows what it is given from a thread of its own: whoever gives something never waits.
 
@@ -46,15 +48,12 @@ class Diagnostics:
     computer that has proved itself.
     """
 
-    def __init__(
-        self,
-        ask: Callable[[], object],
-        rows: Callable[[Any], List[DiagnosticStatus]],
-        signing: Signing,
-        companion: Companion,
-    ) -> None:
-        self._ask, self._rows = ask, rows
-        self._signing, self._companion = signing, companion
+    _ask: Callable[[], object]
+    _rows: Callable[[Any], List[DiagnosticStatus]]
+    _signing: Signing
+    _companion: Companion
+
+    def __post_init__(self) -> None:
         self._given: "queue.Queue[Any]" = queue.Queue()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         threading.Thread(target=self._run, name="diagnostics", daemon=True).start()

@@ -138,12 +138,12 @@ class HandedOver(_SubscriberImpl):
         self.set_tcp_nodelay(True)
         self._topic, self._made, self._closed = topic, made, closed
 
-    def subscribe(self) -> rospy.Subscriber:
+    def subscribe(self) -> None:
         """Register the subscription; waits for the master."""
         manager = get_topic_manager()
         with manager.lock:
             manager._add(self, manager.subs, Registration.SUB)
-            return rospy.Subscriber(self._topic, rospy.AnyMsg)
+            self.subscriber = rospy.Subscriber(self._topic, rospy.AnyMsg)
 
     def has_connection(self, endpoint_id: str) -> bool:
         """Called by rospy before it connects: nobody needs to hear itself."""

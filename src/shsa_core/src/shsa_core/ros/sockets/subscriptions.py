@@ -16,8 +16,6 @@ from functools import partial
 from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, Set
 from typing import Tuple, Union
 
-import rospy
-
 from shsa_core.monitoring.events import Connected, Disconnected, Interrupted, Tick
 from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
@@ -134,8 +132,7 @@ class Subscriptions:
         self._reconnection = Reconnection(
             lambda topic, settle: self._tell(topic, lambda: self._gone(settle()))
         )
-        self._implementations: Dict[str, HandedOver] = {}
-        self.topics: Dict[str, rospy.Subscriber] = {}  # those that are subscribed
+        self.topics: Dict[str, HandedOver] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
         self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
@@ -144,18 +141,17 @@ class Subscriptions:
         """Subscribe `topic`; waits for the master."""
         made = lambda transport: self._tell(topic, partial(self._take_over, topic, transport))
         closed = lambda transport: self._tell(topic, partial(self._closed, topic, transport))
-        implementation = self._implementations[topic] = HandedOver(topic, made, closed)
-        self.topics[topic] = implementation.subscribe()
+        implementation = self.topics[topic] = HandedOver(topic, made, closed)
+        implementation.subscribe()
 
     def unsubscribe(self, topic: str) -> None:
         """End the subscription of `topic` and its connections."""
-        del self._implementations[topic]
-        subscriber = self.topics.pop(topic)
+        implementation = self.topics.pop(topic)
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 self._forget(connection)
         self._reconnection.forget(topic)
-        subscriber.unregister()
+        implementation.subscriber.unregister()
 
     def choose_waking(self) -> None:
         """Ask again of each topic whether it wakes."""
@@ -181,7 +177,7 @@ class Subscriptions:
         found: List[Happening] = []
         for _ in range(len(self._told)):
             topic, happen = self._told.popleft()
-            if topic in self._implementations:  # else it was unsubscribed
+            if topic in self.topics:  # else it was unsubscribed
                 found += happen()
         self._identities.ask_again()
         since = looked.time if found else since
@@ -212,7 +208,7 @@ class Subscriptions:
                 yield from self._lose(connection)
         uri = transport.endpoint_id
         if not transport.header or self._reconnection.is_doubted(topic, uri):
-            yield from self._gone(self._reconnection.lost(topic, uri, self._implementations[topic]))
+            yield from self._gone(self._reconnection.lost(topic, uri, self.topics[topic]))
 
     def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
         if transport.done or transport.socket is None:
@@ -292,7 +288,7 @@ class Subscriptions:
         """Forget a connection that has ended, and doubt its publisher, if it has no other."""
         self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
-        lost = topic, connection.uri, self._implementations[topic]
+        lost = topic, connection.uri, self.topics[topic]
         if not connection.is_known:
             yield from self._gone(self._reconnection.lost(*lost))
         elif publisher not in self.publishers(topic):
