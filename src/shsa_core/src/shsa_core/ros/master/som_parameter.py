@@ -12,13 +12,8 @@ import rospy
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
-from shsa_core.files.som_file import (
-    PARAMETER,
-    merge_parameters,
-    read_tree,
-    service_parameters,
-    som_parameters,
-)
+from shsa_core.files import som_file
+from shsa_core.files.som_file import PARAMETER, service_parameters
 from shsa_core.model.field import parse_field
 from shsa_core.model.service import Deadlines, Service, Signal
 from shsa_core.model.som import Som
@@ -34,7 +29,7 @@ FAILS = (*FAILURES, rospy.ROSException)
 
 def put_som(som: Som) -> None:
     """Put `som` onto the parameter server."""
-    rospy.set_param(PARAMETER, som_parameters(som))
+    rospy.set_param(PARAMETER, som_file.som_parameters(som))
 
 
 def get_som_parameter() -> Optional[object]:
@@ -129,7 +124,7 @@ class SomWatch:
         """Return the SOM that counts, and what is refused of a value at shsa/som."""
         if self._live:
             where = self._name, rospy.get_namespace()
-            return merge_parameters(self._file, value, *where, current=current)
+            return som_file.merge_parameters(self._file, value, *where, current=current)
         if self._reread is None:
             return self._file, []
         what = "the SOM file alone counts, since live_parameters is false"
@@ -157,7 +152,7 @@ class SomWatch:
         if value == {}:
             rospy.loginfo("%s is not there, as on a new master. It is put back.", self._name)
         else:
-            _, errors = merge_parameters(self._som, value, self._name)
+            _, errors = som_file.merge_parameters(self._som, value, self._name)
             why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
             rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
         _ask(lambda: put_som(self._som))
@@ -201,7 +196,7 @@ def _som_signals() -> Dict[str, Signal]:
         return {}
     try:
         # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
+        som, _ = som_file.read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
     except ShsaError:
         som = Som()
     signals = (
