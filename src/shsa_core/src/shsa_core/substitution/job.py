@@ -7,7 +7,6 @@ from shsa_core.errors import ShsaError
 from shsa_core.language.memory import longest_gap
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
-from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Log
 from shsa_core.substitution import settings
@@ -195,11 +194,11 @@ def words(row: Substitution) -> Words:
 
     The signals' periods, deadlines, gains and offsets are no part of it.
     """
-
-    def names(signals: Tuple[Signal, ...]) -> Tuple[Tuple[str, ...], ...]:
-        return tuple((each.topic, each.field, each.type, each.node) for each in signals)
-
-    return names(row.inputs), row.code, names(row.outputs)
+    inputs, outputs = (
+        tuple((each.topic, each.field, each.type, each.node) for each in signals)
+        for signals in (row.inputs, row.outputs)
+    )
+    return inputs, row.code, outputs
 
 
 class Stamps:
