@@ -15,7 +15,7 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
 
 class Schedule:
-    """Due once a period, the first time at once; without a period, only when it is hastened.
+    """Due once a period, the first time at once; without a period, when it begins.
 
     What is due stays due until it is `done`: nothing is lost, and nothing is done twice.
     """
@@ -28,11 +28,6 @@ class Schedule:
     def begin(self, moment: float) -> None:
         """Be due at `moment`; what was due before and not done is no slot that was lost."""
         self.due = self._slot = moment
-
-    def hasten(self, moment: float) -> None:
-        """Be due at `moment`, unless it is due sooner anyway."""
-        if moment < self.due:
-            self.begin(moment)
 
     def done(self, now: float) -> None:
         """Be due a period later, in phase, and never sooner than half a period from now.

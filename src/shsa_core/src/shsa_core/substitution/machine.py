@@ -345,7 +345,7 @@ class Substitute:
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
-                job.schedule.hasten(self._now)
+                job.schedule.begin(self._now)
 
     def _values(self) -> Optional[Tuple[float, ...]]:
         """Return the inputs now; None without a program, and while one is missing or stale."""
