@@ -57,13 +57,11 @@ class Job:
         gap = longest_gap(self.period)
         program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
         self._program = program
-        self.unstarted = {
-            signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
-        }
+        by_hand = row.publishing and not row.service  # then from 0, as documented
+        sums = () if by_hand else zip(row.outputs, program.integrals)
+        self.unstarted = {signal.field for signal, sum_ in sums if sum_ is not None}
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
-        if not row.service and row.publishing:
-            self.unstarted.clear()  # somebody started it by hand: from 0, as documented
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None
         self._stepped = self._rests_until = -math.inf
