@@ -351,7 +351,7 @@ class AnyRobot(RuleBasedStateMachine):
                     events.NodeFound(now, node, events.Where.DEAD),
                     events.NodeLeft(now, node),
                     events.ProcessUntouchable(now, node),
-                    events.NodeRestarted(now, node, known),
+                    events.NodeRestarted(now, node),
                     events.RestartFailed(now, node, "as told"),
                     events.StarterEnded(now, node),
                     events.SubstituteStarted(now, node, now),

@@ -45,7 +45,6 @@ class Cable:
                     number=self.agent.said,
                     heard=self.agent.heard,
                     event=text,
-                    addresses=["10.0.0.2", "pi"],
                     running=self.running,
                     restarted=self.restarted,
                     load=0.5,
@@ -254,7 +253,7 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
         cable.host.carry_out(start, cable.now)
     for node in (SUBSTITUTE.node, kept.node, ended.node):
         cable.tell(events.SubstituteStarted(0.0, node, 0.0))
-    cable.tell(events.NodeRestarted(0.0, "/a", True))
+    cable.tell(events.NodeRestarted(0.0, "/a"))
     cable.whole = False
     cable.pass_time(2.0)
     cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)

@@ -46,7 +46,7 @@ def started(tmp_path: Path) -> Iterator[psutil.Process]:
 def test_a_node_that_was_started_again_is_known_by_what_runs(started: psutil.Process) -> None:
     heir = restarts()
     assert heir.take_up() == [NODE] and heir.children.running() == [NODE]
-    assert not heir.is_with_us(NODE) and heir.left_alone() == []  # we have started it, and live
+    assert heir.abandoned(ending=True) == []  # we have started it, and live
     heir.children.stop(NODE)
     wait_until(lambda: restarts().take_up() == [], 5.0, "it has ended")
 
@@ -57,7 +57,7 @@ def test_who_ends_with_us_is_whose_starter_has_started_us(
     monkeypatch.setattr(os, "getppid", os.getpid)
     heir = restarts()
     heir.take_up()
-    assert heir.is_with_us(NODE)
+    assert heir.abandoned() == [] and heir.abandoned(ending=True) == [NODE]
 
 
 @pytest.mark.parametrize("environment", [{"ROS_MASTER_URI": "http://localhost:2"}, {}])

@@ -30,7 +30,13 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
-NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)
+NOT_HELD = (
+    events.Started,
+    events.MaintenanceSet,
+    events.ShuttingDown,
+    events.LaunchEnding,
+    events.StarterEnded,
+)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """Commands for people come after those that act: a line of the log takes as long as a takeover."""
@@ -281,14 +287,12 @@ class Reconfigurator:
         return []
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
-        """End every substitute, and the nodes that whoever ends us has started first."""
+        """End every substitute."""
         self._over = True
-        ours = [each for each in self.robot.restarted if each.with_us]
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
         self._processes.starts.waiting.clear()
-        ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
-        return ended + [events.StopNode(each.node) for each in ours]
+        return [events.StopSubstitute(node) for node in self.substitutes]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
@@ -335,7 +339,7 @@ class Reconfigurator:
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
-            record = RestartedNode(event.node, event.with_us)
+            record = RestartedNode(event.node)
             self.robot.records.set(record.key, record)
         return []
 

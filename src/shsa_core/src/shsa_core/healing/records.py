@@ -99,11 +99,10 @@ class Healthy(Keyed):
 
 @dataclass(frozen=True)
 class RestartedNode(Keyed):
-    """A node that was started again; `with_us` as in NodeRestarted."""
+    """A node that was started again."""
 
     KEY = "restarted {0.node}"
     node: str
-    with_us: bool
 
 
 Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy, RestartedNode]

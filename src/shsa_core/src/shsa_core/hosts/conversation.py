@@ -59,7 +59,6 @@ class RemoteHost:
         self.name = name
         self._patience, self._returns = patience, returns
         self.ended: Callable[[], bool] = lambda: False
-        self.addresses: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
         self._agent = self._session = 0
         self._said = self._heard = 0  # commands and events of this session
@@ -71,7 +70,7 @@ class RemoteHost:
         self._wanted: Dict[str, HostCommand] = {}
         self._found: Dict[str, HostCommand] = {}
         self._watched = events.WatchNodes(())
-        self._seen: Optional[events.HostSeen] = None
+        self.seen: Optional[events.HostSeen] = None
         self._clock = Watch()
         self._heard_at = float("-inf")
 
@@ -83,7 +82,7 @@ class RemoteHost:
     def told(self) -> HostState:
         """Return how the computer does."""
         silent = self._clock.passed(self._heard_at)
-        return HostState(self.name, self.is_reached, silent, self._seen)
+        return HostState(self.name, self.is_reached, silent, self.seen)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
@@ -109,8 +108,7 @@ class RemoteHost:
     def heard(self, message: Message, now: float) -> None:
         """Take in a message of the agent."""
         figures = message.load, message.cores, message.transmitted, message.received
-        self._seen = events.HostSeen(now, self.name, *figures)
-        self.addresses = tuple(message.addresses)
+        self.seen = events.HostSeen(now, self.name, *figures)
         expected = self._heard + bool(message.event)
         if message.began != self._agent:
             self._give_up(now, f"the agent of {self.name} was started anew")
@@ -127,7 +125,7 @@ class RemoteHost:
                     event = read(EVENTS, message.event, f"the agent of {self.name}")
                     self._tell(self._ours(event, now))
             else:
-                self._tell(self._seen)
+                self._tell(self.seen)
         elif self.is_reached or message.session > self._session:
             self._give_up(now, f"something was lost on the way to or from {self.name}")
             self._begin(message)

@@ -107,7 +107,8 @@ class ReconfiguratorNode:
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
-        self._hosts = AllHosts(self._local, signing, self._told, arguments.host)
+        host_of = self._core.robot.host_of
+        self._hosts = AllHosts(self._local, signing, self._told, host_of, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -211,7 +212,7 @@ class ReconfiguratorNode:
     def _stop_all(self) -> None:
         if self._stopped.is_set():
             return
-        for node in self._local.restarts.left_alone():
+        for node in self._local.restarts.abandoned(ending=True):
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()

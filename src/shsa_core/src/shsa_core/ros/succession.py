@@ -54,7 +54,7 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
         each for each in records if not isinstance(each, RestartedNode) or each.node in elsewhere
     )
     for node in host.restarts.children.running():
-        records += (RestartedNode(node, host.restarts.is_with_us(node)),)
+        records += (RestartedNode(node),)
     publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
     nodes = {node for _, node in publishers}
     started = events.Started(

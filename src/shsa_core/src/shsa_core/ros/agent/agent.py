@@ -134,7 +134,6 @@ class AgentNode:
             number=self._end.said,
             heard=self._end.heard,
             event=text,
-            addresses=self._load.addresses,
             running=self._host.substitutes.children.running(),
             restarted=self._host.restarts.children.running(),
             load=self._load.busy,

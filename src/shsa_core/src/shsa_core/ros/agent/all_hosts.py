@@ -1,22 +1,20 @@
 """The robot's computers as one Host: each command goes to its own, by an agent if need be."""
 import threading
-from functools import partial
 from typing import Callable, Dict, Iterable, List
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.hosts.commands import Host, HostCommand, NodeCommand
+from shsa_core.hosts.commands import Host, HostCommand
 from shsa_core.hosts.conversation import HostState, RemoteHost
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
-from shsa_core.ros.master.node_api import FAILURES, address, master_api
+from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.workers import Workers
 
 TellAny = Callable[[events.Event], None]
 
@@ -25,20 +23,27 @@ LOCAL = ""
 
 
 class AllHosts:
-    """A Host of all computers: our own, and those that have an agent. From any thread.
+    """A Host of all computers: our own, and those that have an agent.
 
-    A substitute is where it was started; another node is on the computer whose agent tells the
-    address that the master has for it. What is on none of them is left to `local`. `own`: what the
-    SOM calls our own computer, of whose load we tell ourselves; empty: nothing.
+    A substitute is where it was started, another node where `host_of` says; what is on a computer
+    whose agent was never heard is left to `local`. `own`: what the SOM calls our own computer, of
+    whose load we tell ourselves; empty: nothing.
     """
 
-    def __init__(self, local: Host, signing: Signing, tell: TellAny, own: str = "") -> None:
-        self._local, self._signing, self._tell, self._own = local, signing, tell, own
+    def __init__(
+        self,
+        local: Host,
+        signing: Signing,
+        tell: TellAny,
+        host_of: Callable[[str], str],
+        own: str = "",
+    ) -> None:
+        self._local, self._signing, self._tell = local, signing, tell
+        self._host_of, self._own = host_of, own
         self._load = Load()
         self._remote: Dict[str, RemoteHost] = {}
         self._homes: Dict[str, str] = {}
         self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", settings.MOST_CALLS)
         self._lock = threading.RLock()
         self._begun = threading.Event()
         threading.Thread(target=self._work, name="agents", daemon=True).start()
@@ -54,10 +59,8 @@ class AllHosts:
             self._watch(command)
         elif isinstance(command, events.StartSubstitute):
             self._start(command)
-        elif isinstance(command, (events.LearnNode, events.FindNode)) and self._remote:
-            self._looks.put(partial(self._look, command))
         else:
-            self._at_home(command)
+            self._send(self._home(command.node), command)
         if isinstance(command, events.StopSubstitute):
             self._homes.pop(command.node, None)
 
@@ -102,32 +105,16 @@ class AllHosts:
             with self._lock:
                 self._remote[name].carry_out(command, clock.now())
 
-    def _at_home(self, command: NodeCommand) -> None:
-        self._send(self._homes.get(command.node, LOCAL), command)
-
-    def _look(self, command: NodeCommand) -> None:
-        """Look first where a node is: it may be somewhere else than it was."""
-        self._homes[command.node] = self._home(command.node)
-        self._at_home(command)
-
     def _home(self, node: str) -> str:
-        """Return where a node is by the master's word; where it was, if that does not answer."""
-        try:
-            place = address(str(master_api().lookupNode(node))).host
-            if place == address(rospy.get_node_uri()).host:
-                return LOCAL
-        except FAILURES:
-            return self._homes.get(node, LOCAL)
-        with self._lock:
-            first = [name for name, host in self._remote.items() if host.addresses[:1] == (place,)]
-            other = [name for name, host in self._remote.items() if place in host.addresses]
-        return (first + other + [LOCAL])[0]
+        """Return the computer of a node, if its agent was ever heard."""
+        home = self._homes.get(node) or self._host_of(node)
+        return home if home in self._remote and self._remote[home].seen else LOCAL
 
     def _watch(self, command: events.WatchNodes) -> None:
         """Here all are watched, as they may come up anywhere; an agent sees its own sooner."""
         self._send(LOCAL, command)
         for name in self._remote:
-            nodes = sorted(node for node in command.nodes if self._homes.get(node) == name)
+            nodes = sorted(node for node in command.nodes if self._home(node) == name)
             if nodes != self._watched.get(name, []):
                 self._watched[name] = nodes
                 self._send(name, events.WatchNodes(tuple(nodes)))

@@ -97,7 +97,7 @@ class LocalHost:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
         for node in self.substitutes.children.running():
             self.carry_out(events.StopSubstitute(node))
-        for node in filter(self.restarts.is_with_us, self.restarts.children.running()):
+        for node in self.restarts.abandoned(ending=True):
             self.carry_out(events.StopNode(node))
         self.await_stops()
 
@@ -200,7 +200,7 @@ class LocalHost:
         if not self._may_restart:
             raise ShsaError("that would be as root there (restart_as_root:=true)")
         self.nodes.adopt(node, Known("", self.restarts.start(node)))
-        self._tell(events.NodeRestarted(clock.now(), node, self.restarts.is_with_us(node)))
+        self._tell(events.NodeRestarted(clock.now(), node))
 
 
 def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:

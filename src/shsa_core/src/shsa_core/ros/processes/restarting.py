@@ -137,18 +137,16 @@ class Restarts:
         self._keep(node, process, start)
         return process
 
-    def is_with_us(self, node: str) -> bool:
-        """Return whether the process that started a node first has started us too."""
-        with self._lock:
-            start = self._starts.get(node)
-        return start is not None and start.starter == identity(os.getppid())
+    def abandoned(self, ending: bool = False) -> List[str]:
+        """Return the nodes that were started again and still run, and whose starter has ended.
 
-    def left_alone(self) -> List[str]:
-        """Return the nodes that were started again and still run, and whose starter has ended."""
-        running = self.children.running()
+        Or, if we are `ending`, is our own starter: it ends us, and so all that it has started.
+        """
+        running, ours = self.children.running(), identity(os.getppid())
         with self._lock:
             starters = {node: self._starts[node].starter for node in running}
-        return [node for node, first in starters.items() if first != NOBODY and ended(first)]
+        over = lambda first: ended(first) or (ending and first == ours)
+        return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
         with self._lock:
@@ -159,7 +157,7 @@ class Restarts:
     def _watch_starters(self) -> None:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(settings.LOOK_S)
-            for node in self.left_alone():
+            for node in self.abandoned():
                 if node not in self._told:
                     self._told.add(node)
                     self._starter_ended(node)
