@@ -14,6 +14,7 @@ import rosgraph
 
 import plain_node
 from plain_node import PlainNode
+from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Where
 from shsa_core.ros.master.node_api import Originals
 from shsa_core.ros.processes import kernel
@@ -79,7 +80,7 @@ def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
 def outcome(end: Callable[..., bool], nodes: Nodes, node: str) -> Dict[str, str]:
     try:
         return {"left": ""} if end(nodes, node) else {}
-    except ending.Untouchable as why:
+    except ShsaError as why:
         return {"failed": str(why)}
 
 

@@ -24,7 +24,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import WELL, State, Trigger
 from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import Substitute
-from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som

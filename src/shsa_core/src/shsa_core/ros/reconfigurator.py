@@ -160,7 +160,9 @@ class ReconfiguratorNode:
         self._records = heritage.file
         if maintained(rospy.get_namespace()):  # known before anything is started
             self._heed_maintenance()
-        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
+        self._decide(
+            replace(heritage.started, preparing=self._local.substitutes.forking is not None)
+        )
         self._substitutions.open()
         self._som_state.open()
         put_som(som)

@@ -23,8 +23,6 @@ from shsa_core.ros.trust.places import master_place
 CREDENTIALS = struct.Struct("3i")
 SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
 LONGEST_B = 300
-LONGEST_PATH_B = 100
-"""Of a socket's path; the system takes 107."""
 MONITOR, RECONFIGURATOR = "monitor", "reconfigurator"
 """The hearers of heartbeats."""
 HOST = "SHSA_HOST"
@@ -153,10 +151,8 @@ def _address(role: str) -> str:
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     os.makedirs(folder, 0o700, exist_ok=True)
-    path = os.path.join(folder, name)
-    if len(os.fsencode(path)) > LONGEST_PATH_B:
-        path = f"/proc/self/fd/{os.open(folder, os.O_PATH | os.O_DIRECTORY)}/{name}"
-    return path
+    # The folder's own path may be longer than a socket's: the system takes 107 bytes.
+    return f"/proc/self/fd/{os.open(folder, os.O_PATH | os.O_DIRECTORY)}/{name}"
 
 
 def _bind(listener: socket.socket, path: str) -> None:

@@ -99,7 +99,7 @@ def never_to_end(process: psutil.Process) -> str:
     with suppress(*FAILURES):
         if answers_at(process.pid, resolved(rosgraph.get_master_uri())):
             return "it is the master"
-    if process.pid in {1, *ancestors(os.getpid())}:
+    if process.pid in {1, *(each.pid for each in ancestors(os.getpid()))}:
         return "its process has started the reconfigurator"
     return _part(process)
 
@@ -107,10 +107,10 @@ def never_to_end(process: psutil.Process) -> str:
 def _part(process: psutil.Process) -> str:
     """Return which part of healing or ROS a process is, by its command line; empty: none."""
     try:
-        programs = [word.split("/") for word in process.cmdline()[:2]]
+        paths = [word.split("/") for word in process.cmdline()[:2]]
     except psutil.Error:
         return ""
-    for *folders, name in programs:
+    for *folders, name in paths:
         if name in OF_ROS:
             return "it belongs to ROS"
         if name in OF_HEALING and not {"shsa_core", "shsa_view"}.isdisjoint(folders):
@@ -118,27 +118,27 @@ def _part(process: psutil.Process) -> str:
     return ""
 
 
-def ancestors(pid: int) -> List[int]:
+def programs(process: psutil.Process) -> List[str]:
+    """Return the first two names of a command line: an interpreter's comes before its program."""
+    try:
+        return [os.path.basename(word) for word in process.cmdline()[:2]]
+    except psutil.Error:
+        return []
+
+
+def ancestors(pid: int) -> List[psutil.Process]:
     """Return the processes that a process descends from, the nearest first, without the first."""
     with suppress(psutil.Error):
         parent = psutil.Process(pid).parent()
         if parent is not None and parent.pid > 1:
-            return [parent.pid, *ancestors(parent.pid)]
+            return [parent, *ancestors(parent.pid)]
     return []
-
-
-def starter(pid: int) -> Tuple[int, List[str]]:
-    """Return the number and the programs of the process that has started one; 0, []: not told."""
-    parent = next(iter(ancestors(pid)), 0)
-    with suppress(psutil.Error):
-        words = psutil.Process(parent).cmdline() if parent else []
-        return parent, [os.path.basename(word) for word in words[:2]]
-    return parent, []
 
 
 def started_by_launch(pid: int) -> bool:
     """Return whether a roslaunch has started a process, which may start it again."""
-    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid)[1])
+    starters = (set(programs(each)) for each in ancestors(pid)[:1])
+    return any(names & {"roslaunch", "rostest"} for names in starters)
 
 
 def gone(process: psutil.Process) -> bool:

@@ -121,7 +121,7 @@ class Launches:
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
     """Return the nearest roslaunch that a process descends from, and its log."""
-    for ancestor in kernel.ancestors(pid):
+    for ancestor in (each.pid for each in kernel.ancestors(pid)):
         name = re.compile(rf"/[^/]*-{ancestor}\.log$")
         folder = f"/proc/{ancestor}/fd"
         try:

@@ -5,7 +5,6 @@ step comes, and which process a node is was verified before (`nodes`).
 """
 import signal
 import socket
-import threading
 import time
 from contextlib import suppress
 from typing import Any, Callable, List, Optional
@@ -37,10 +36,6 @@ LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
 
-class Untouchable(ShsaError):
-    """It is not known which process a node is, whether it may be ended, or whether it has left."""
-
-
 class LocalHost:
     """A Host of this computer; `signs` has the heartbeats of the substitutes."""
 
@@ -70,7 +65,9 @@ class LocalHost:
                 events.EndProcess: by("end process", self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
-                events.StopSubstitute: self._by(stops, self._stop),
+                events.StopSubstitute: self._by(
+                    stops, lambda c: self.substitutes.children.stop(c.node)
+                ),
                 events.RestartNode: self._restart,
                 events.StopNode: self._by(stops, lambda c: self.restarts.children.stop(c.node)),
             },
@@ -88,10 +85,7 @@ class LocalHost:
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has left running; return the nodes."""
-        left = self.substitutes.left_behind()
-        for node, process in left.items():
-            self.substitutes.take_up(node, process)
-        return [*left, *self.restarts.take_up()]
+        return [*self.substitutes.take_up(), *self.restarts.take_up()]
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
@@ -150,28 +144,22 @@ class LocalHost:
     def _find(self, command: events.FindNode) -> None:
         node = command.node
         found = self.nodes.find(node, command.topic, command.successor, command.uri)
-        rate = None
+        sent = None
         if command.listen and found.where is Where.HERE:
-            rate = self._rate(node, command.topic, command.listen)
-        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), rate))
-
-    def _rate(self, node: str, topic: str, seconds: float) -> Optional[float]:
-        try:
-            uri = self.nodes.uri(node)
-        except FAILURES:
-            return None
-        return rate(uri, topic, seconds) if uri else None
+            with suppress(*FAILURES):
+                uri = self.nodes.uri(node)
+                sent = rate(uri, command.topic, command.listen) if uri else None
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent))
 
     def _starter(self, node: str) -> str:
         """Return the process that has started a node, in words; empty: not known."""
         known = self.nodes.known(node)
-        if known is None or known.process is None:
-            return ""
-        number, programs = kernel.starter(known.process.pid)
-        if not programs:
-            return ""
-        name = programs[-1] if programs[0].startswith("python") else programs[0]
-        return f"{name!a}, process {number}"
+        process = known.process if known else None
+        for starter in kernel.ancestors(process.pid)[:1] if process else ():
+            for name in kernel.programs(starter):
+                if not name.startswith("python"):
+                    return f"{name!a}, process {starter.pid}"
+        return ""
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node
@@ -192,9 +180,6 @@ class LocalHost:
         self.substitutes.start(command)
         self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
 
-    def _stop(self, command: events.StopSubstitute) -> None:
-        self.substitutes.children.stop(command.node)
-
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node
         if not self._may_restart:
@@ -207,30 +192,36 @@ def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambd
     """`rosnode kill` by its API; return whether the process has ended in time.
 
     `answered` is called when the node has. Elsewhere, return whether nobody listens any more where
-    it has answered. Raises Untouchable.
+    it has answered. Raises ShsaError.
     """
     known = nodes.known(node)
     if known is None:
-        raise Untouchable("it is not known which process it is")
-    if known.process is None:
-        return _ask_elsewhere(node, known.uri, answered)
-    process = known.process
-    threading.Thread(target=_ask, args=(nodes, node, answered), daemon=True).start()
-    return kernel.wait_for(lambda: kernel.gone(process), LEAVE_S)
+        raise ShsaError("it is not known which process it is")
+    process, uri = known.process, known.uri
+    try:
+        uri = nodes.uri(node)
+        if uri:
+            ask(uri, "shutdown", WHY)
+            answered()
+    except FAILURES as error:
+        if process is None:
+            return _has_left(node, error)
+    gone = lambda: kernel.gone(process) if process else _refuses(uri)
+    return kernel.wait_for(gone, LEAVE_S)
 
 
 def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
-    """End a node's process by SIGKILL, or SIGTERM; return whether it ended. Raises Untouchable."""
+    """End a node's process by SIGKILL, or SIGTERM; return whether it ended. Raises ShsaError."""
     known = nodes.known(node)
-    if known is None or known.process is None:
-        raise Untouchable("it is not known which process it is")
-    process = known.process
+    process = known.process if known else None
+    if process is None:
+        raise ShsaError("it is not known which process it is")
     try:
         kernel.kill(process, signal.SIGTERM if gently else signal.SIGKILL)
     except ProcessLookupError:
         return True
     except PermissionError as error:
-        raise Untouchable(f"it does not leave, and {error}") from error
+        raise ShsaError(f"it does not leave, and {error}") from error
     return kernel.wait_for(lambda: kernel.gone(process))
 
 
@@ -246,42 +237,19 @@ def clear(nodes: Nodes, node: str) -> bool:
     try:
         if not uri:
             uri = uri_of(node)
-            if not uri or (known is not None and listener(resolved(uri)) is not None):
+            if not uri or listener(resolved(uri)) is not None:
                 return True  # there is nothing, or a successor: it was ended before it registered
         return _unregister(node, uri)
     except FAILURES:
         return True  # the master is away: there is nothing to be cleared
 
 
-def _ask(nodes: Nodes, node: str, answered: Callable[[], object]) -> None:
-    """Ask a node here to leave; whether it does, its process tells."""
-    try:
-        uri = nodes.uri(node)
-        if uri:
-            ask(uri, "shutdown", WHY)
-            answered()
-    except FAILURES as error:
-        rospy.logdebug("%s was asked to leave: %s", node, error)
-
-
-def _ask_elsewhere(node: str, uri: str, answered: Callable[[], object]) -> bool:
-    """Ask a node on another computer to leave.
-
-    It has ended if it listens no more, and has said so before: to the master, when it left by
-    itself, or to us.
-    """
-    try:
-        ask(uri, "shutdown", WHY)
-    except ConnectionRefusedError as error:
-        with suppress(*FAILURES):  # the master does not tell
-            if not uri_of(node):
-                return True
-        why = "it refuses the connection, and cannot be verified to have ended"
-        raise Untouchable(why) from error
-    except FAILURES as error:
-        raise Untouchable(f"it cannot be verified to have ended: {error}") from error
-    answered()
-    return kernel.wait_for(lambda: _refuses(uri), LEAVE_S)
+def _has_left(node: str, error: Exception) -> bool:
+    """Return whether a node on another computer, which does not answer, has told the master so."""
+    with suppress(*FAILURES):  # the master does not tell
+        if isinstance(error, ConnectionRefusedError) and not uri_of(node):
+            return True
+    raise ShsaError(f"it cannot be verified to have ended: {error}") from error
 
 
 def _refuses(uri: str) -> bool:
@@ -300,12 +268,13 @@ def _unregister(node: str, uri: str) -> bool:
     """
     master = master_api(node)
     publishers, subscribers, services = master.getSystemState()
-    for topic, nodes in publishers:
-        if node in nodes:
-            master.unregisterPublisher(topic, uri)
-    for topic, nodes in subscribers:
-        if node in nodes:
-            master.unregisterSubscriber(topic, uri)
+    for rows, unregister in (
+        (publishers, master.unregisterPublisher),
+        (subscribers, master.unregisterSubscriber),
+    ):
+        for topic, nodes in rows:
+            if node in nodes:
+                unregister(topic, uri)
     for name, nodes in services:
         if node in nodes and master.lookupNode(node) == uri:
             master.unregisterService(name, master.lookupService(name))

@@ -4,9 +4,7 @@ A name proves nothing, and neither does an address that the master gives for it:
 both. A process is taken for a node if it listens there by the kernel's word, is of our own user,
 and says itself that it publishes the topic, as the master does.
 """
-import os
 import threading
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
@@ -77,8 +75,6 @@ class Nodes:
 
     def __init__(self) -> None:
         self._known: Dict[str, Known] = {}
-        self._publishers: Dict[str, Set[str]] = {}  # as the master listed them
-        self._listed = float("-inf")
         self._said: Set[str] = set()
         self._lock = threading.Lock()
 
@@ -114,13 +110,12 @@ class Nodes:
             return Known(uri, None)
         if not is_local(at):
             return Known(uri, None, at=at)
-        hint = 0
         try:
             hint = pid(at)
         except ConnectionRefusedError:
             return Known(uri, None, dead=True)
-        except FAILURES as error:
-            rospy.logdebug("The kernel is asked which process %s is: %s", node, error)
+        except FAILURES:
+            hint = 0  # the kernel is asked all the same
         return Known(uri, listener(resolved(at), hint), at=at)
 
     def uri(self, node: str) -> str:
@@ -148,10 +143,12 @@ class Nodes:
                 return None  # it has died meanwhile
             why = _stranger(current)
             if why:
-                self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
+                text = f"{node} can be neither ended for certain nor started again: {why}."
+                if text not in self._said:
+                    self._said.add(text)
+                    rospy.logwarn("%s", text)
                 return None
-            listed = self._lists(node, topic, settings.CALL_S)
-            said = frozenset(topics(current.at)) if listed else frozenset()
+            said = frozenset(topics(current.at))
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
@@ -201,26 +198,6 @@ class Nodes:
             self._known[node] = known
         return known
 
-    def _lists(self, node: str, topic: str, age: float) -> bool:
-        """Return whether the master lists a node as a publisher of a topic, at most `age` s ago.
-
-        A node that is not listed may have come since: the master is asked again. Raises one of
-        FAILURES if it does not answer.
-        """
-        with self._lock:
-            now = time.monotonic()
-            if node not in self._publishers.get(topic, ()) or now - self._listed > age:
-                publishers, _, _ = master_api().getSystemState()
-                self._publishers = {topic: set(nodes) for topic, nodes in publishers}
-                self._listed = now
-            return node in self._publishers.get(topic, ())
-
-    def _warn(self, text: str) -> None:
-        """Say it once."""
-        if text not in self._said:
-            self._said.add(text)
-            rospy.logwarn("%s", text)
-
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
         """Return why this may not be the node that failed; None: there is no doubt.
 
@@ -231,7 +208,8 @@ class Nodes:
         why = kernel.never_to_end(known.process) if known.process is not None else ""
         if why or not topic:
             return Found(Where.ANOTHER, why or "nobody says what it failed on")
-        if not self._lists(node, topic, 0.0):
+        publishers, _, _ = master_api().getSystemState()
+        if not any(node in nodes for each, nodes in publishers if each == topic):
             why = f"the master does not list it as a publisher of {topic}"
             return Found(Where.ANOTHER, why)
         try:
@@ -268,21 +246,13 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
 
     Asks the roslaunch that has started it, and takes as long as that does.
     """
-    if _is_nodelet_manager(process):
+    if kernel.programs(process) == ["nodelet", "manager"]:
         return "its process is a nodelet manager"
     if others:
         return f"its process is that of {', '.join(sorted(others))} too"
     if _is_required(node, process):
         return 'its launch file says required="true"'
     return ""
-
-
-def _is_nodelet_manager(process: psutil.Process) -> bool:
-    try:
-        words = process.cmdline()
-    except psutil.Error:
-        return False
-    return [os.path.basename(word) for word in words[:2]] == ["nodelet", "manager"]
 
 
 def _is_required(node: str, process: psutil.Process) -> bool:

@@ -7,8 +7,10 @@ import json
 import os
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, Iterable, List, Optional, Set
+from pathlib import Path
+from typing import Callable, Dict, Iterable, List, Optional
 
 import psutil
 import rospy
@@ -31,15 +33,10 @@ def may_restart(as_root: bool) -> bool:
 
 def _children(pid: int) -> List[int]:
     """Return the processes that a process has started; none where the kernel does not tell."""
-    tasks = f"/proc/{pid}/task"
-    found: List[int] = []
-    try:
-        for task in os.listdir(tasks):
-            with open(f"{tasks}/{task}/children") as file:
-                found += map(int, file.read().split())
-    except OSError:
-        return found
-    return found
+    files = Path(f"/proc/{pid}/task").glob("*/children")
+    with suppress(OSError):
+        return [int(number) for file in files for number in file.read_text().split()]
+    return []
 
 
 @dataclass(frozen=True)
@@ -54,15 +51,14 @@ class _Start:
 class Restarts:
     """Learns from the process of each healthy node how it was started.
 
-    `starter_ended(node)` is called once the process that started a node first has ended, while the
-    restarted node still runs. `host`: the name of the agent that we are part of.
+    `starter_ended(node)` is called while a restarted node still runs, and the process that started
+    it first has ended. `host`: the name of the agent that we are part of.
     """
 
     def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
         self._starter_ended = starter_ended
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._told: Set[str] = set()
         self._lock = threading.Lock()
         self.children = Children(lambda node, status: None)
         threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
@@ -151,16 +147,13 @@ class Restarts:
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
         with self._lock:
             self._starts[node] = start
-            self._told.discard(node)
         self.children.keep(node, process)
 
     def _watch_starters(self) -> None:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(settings.LOOK_S)
             for node in self.abandoned():
-                if node not in self._told:
-                    self._told.add(node)
-                    self._starter_ended(node)
+                self._starter_ended(node)
 
 
 class ComingUp:
