@@ -12,7 +12,7 @@ LINES = {"": 32698, "healing": 4620, "monitoring": 2802, "ros": 9618}
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
 FILES = {"healing": 18}
-CONSTANTS = 69
+CONSTANTS = 65
 """Constants of time in the cores and shells; 50 are wanted."""
 CONSTANT = re.compile(r"^_?[A-Z_]+_S\b.* = ", re.MULTILINE)
 RIDDLE = re.compile(r'^\s*"""(Whether|Who|What|How|When|Where|Which) ', re.MULTILINE)

@@ -12,9 +12,9 @@ from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written  # noqa: E402
 from shsa_core.hosts.conversation import AgentEnd, RemoteHost  # noqa: E402
-from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
+from shsa_core.ros.settings import LOST_BEATS, RETURN_BEATS, TICK_S, TURN_S  # noqa: E402
 
-PATIENCE, RETURNS = LOST_BEATS * HEARTBEAT_S, RETURN_BEATS * HEARTBEAT_S
+PATIENCE, RETURNS = LOST_BEATS * TURN_S, RETURN_BEATS * TURN_S
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
 
@@ -29,7 +29,7 @@ class Cable:
         self.running: List[str] = []
         self.restarted: List[str] = []
         self.host = RemoteHost("pi", self.told.append, self.command, PATIENCE, RETURNS)
-        self.agent = AgentEnd(1000, PATIENCE)
+        self.agent = AgentEnd(PATIENCE)
 
     def command(self, **fields: Any) -> None:
         if self.whole and self.agent.hear(msg.HostCommand(**fields), self.now):
@@ -39,7 +39,6 @@ class Cable:
         if self.whole:
             self.host.heard(
                 msg.HostEvent(
-                    began=self.agent.began,
                     session=self.agent.session,
                     open=self.agent.is_open(self.now),
                     number=self.agent.said,
@@ -193,7 +192,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
 def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     number = cable.agent.heard + 1
-    late = msg.HostCommand(session=cable.agent.session, agent=1000, number=number, command=text)
+    late = msg.HostCommand(session=cable.agent.session, number=number, command=text)
     cable.now += PATIENCE + 0.1
     assert not cable.agent.hear(late, cable.now)
     cable.pass_time(0.3)
@@ -205,7 +204,7 @@ def test_what_a_stranger_repeats_changes_nothing(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     cable.host.carry_out(events.EndProcess("/a"), cable.now)
     cable.tell(events.NodeLeft(0.0, "/a"))
-    ours = msg.HostCommand(session=cable.agent.session, agent=1000, number=2, command=text)
+    ours = msg.HostCommand(session=cable.agent.session, number=2, command=text)
     done, session = list(cable.done), cable.agent.session
     assert ours.number == cable.agent.heard and not cable.agent.hear(ours, cable.now)
     cable.take(events.NodeLeft)
@@ -237,7 +236,7 @@ def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable)
     cable.running = [SUBSTITUTE.node]
     cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
     cable.told.clear()
-    cable.agent = AgentEnd(2000, PATIENCE)
+    cable.agent = AgentEnd(PATIENCE)
     cable.pass_time(0.3)
     assert cable.done.count(SUBSTITUTE) == 1
     assert [each.known for each in cable.take(events.NodeLearned)] == [False]

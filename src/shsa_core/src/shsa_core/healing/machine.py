@@ -30,13 +30,8 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
-NOT_HELD = (
-    events.Started,
-    events.MaintenanceSet,
-    events.ShuttingDown,
-    events.LaunchEnding,
-    events.StarterEnded,
-)
+ENDINGS = (events.ShuttingDown, events.LaunchEnding, events.StarterEnded)
+NOT_HELD = (events.Started, events.MaintenanceSet, *ENDINGS)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """Commands for people come after those that act: a line of the log takes as long as a takeover."""

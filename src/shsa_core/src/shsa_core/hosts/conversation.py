@@ -60,8 +60,7 @@ class RemoteHost:
         self._patience, self._returns = patience, returns
         self.ended: Callable[[], bool] = lambda: False
         self._tell, self._publish = tell, publish
-        self._agent = self._session = 0
-        self._said = self._heard = 0  # commands and events of this session
+        self._session = self._said = self._heard = 0  # commands and events of this session
         self._confirmed = 0  # so many of our commands has the agent heard
         self.is_reached = self._left = self._settled = False
         self._lost = True  # as far as anybody was told
@@ -110,32 +109,31 @@ class RemoteHost:
         figures = message.load, message.cores, message.transmitted, message.received
         self.seen = events.HostSeen(now, self.name, *figures)
         expected = self._heard + bool(message.event)
-        if message.began != self._agent:
-            self._give_up(now, f"the agent of {self.name} was started anew")
-            self._begin(message)
-        elif (message.session, message.number) < (self._session, expected):
+        ours = message.session == self._session and message.open
+        if message.session < self._session or (ours and message.number < expected):
             return  # it is of a former conversation, or was heard before
-        elif message.open and message.session == self._session and message.number == expected:
-            self._heard_at, self._left = now, False
-            self._heard, self._confirmed = message.number, message.heard
-            if not self.is_reached:
-                self._reach(message, now)
-            if message.event:
-                with suppress(ModelError):
-                    event = read(EVENTS, message.event, f"the agent of {self.name}")
-                    self._tell(self._ours(event, now))
-            else:
-                self._tell(self.seen)
-        elif self.is_reached or message.session > self._session:
-            self._give_up(now, f"something was lost on the way to or from {self.name}")
-            self._begin(message)
+        if not ours or message.number > expected:
+            self._begin(
+                now, f"the agent of {self.name} began anew, or was not heard", message.session
+            )
+            return
+        self._heard_at, self._left = now, False
+        self._heard, self._confirmed = message.number, message.heard
+        if not self.is_reached:
+            self._reach(message, now)
+        if not message.event:
+            self._tell(self.seen)
+            return
+        with suppress(ModelError):
+            event = read(EVENTS, message.event, f"the agent of {self.name}")
+            self._tell(self._ours(event, now))
 
     def tick(self, now: float, step: float) -> None:
         """Give up an agent that is silent; to be called every `step`."""
         self._clock.look(now, self._clock.now + step)
         silence = self._clock.passed(self._heard_at)
         if self.is_reached and silence >= self._patience:
-            self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
+            self._begin(now, f"{self.name} has not answered for {silence:.1f} s")
         self._left = self._left or (not self.is_reached and self.ended())
         patience = self._returns if self._left else self._patience
         if not self.is_reached and not self._lost and silence >= patience:
@@ -145,14 +143,18 @@ class RemoteHost:
 
     def beat(self) -> None:
         """Tell the agent that we are there, and how much of it was heard."""
-        if self._agent:
+        if self._session:
             self._say("")
 
-    def _begin(self, message: Message) -> None:
-        """Begin a conversation; all that belongs to former ones counts no more."""
-        self._agent = message.began
-        self._session = max(message.session, self._session) + 1
+    def _begin(self, now: float, why: str, theirs: int = 0) -> None:
+        """Begin a conversation after `theirs`, and answer what waits in the former one."""
+        self.is_reached = False
+        self._session = max(self._session, theirs) + 1
+        self._said = self._heard = self._confirmed = 0
         self.beat()
+        waits, self._waits = self._waits, {}
+        for command in waits.values():
+            self._answer(command, now, why)
 
     def _reach(self, message: Message, now: float) -> None:
         """Both ends hear each other from now on."""
@@ -176,19 +178,9 @@ class RemoteHost:
         for command in [each for each in self._waits if each[1] == event.node]:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
-        if isinstance(event, events.SubstituteStarted):
-            return replace(event, time=now, found=now)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
             self._wanted.pop(event.node, None)
         return replace(event, time=now)
-
-    def _give_up(self, now: float, why: str) -> None:
-        """End the conversation, and answer what still waits."""
-        self.is_reached = False
-        self._agent = self._said = self._heard = self._confirmed = 0
-        waits, self._waits = self._waits, {}
-        for command in waits.values():
-            self._answer(command, now, why)
 
     def _answer(self, command: HostCommand, now: float, why: str) -> None:
         event = not_done(command, now, why)
@@ -206,20 +198,19 @@ class RemoteHost:
         self._say(written(COMMANDS, command))
 
     def _say(self, text: str) -> None:
-        numbers = {"session": self._session, "agent": self._agent, "number": self._said}
-        self._publish(command=text, **numbers)
+        self._publish(command=text, session=self._session, number=self._said)
 
 
 class AgentEnd:
     """The agent's end of the conversation with a reconfigurator; of none at first.
 
-    `began`: the agent's own number; `said`, `heard`: the numbers of the last event and command. A
-    reconfigurator that was silent for `patience`, or of which something was lost, must begin anew:
-    what it has said before may come late, and is not wanted any more.
+    `said`, `heard`: the numbers of the last event and command. A reconfigurator that was silent for
+    `patience`, or of which something was lost, must begin anew: what it has said before may come
+    late, and is not wanted any more.
     """
 
-    def __init__(self, began: int, patience: float) -> None:
-        self.began, self._patience = began, patience
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
         self.session = self.said = self.heard = 0
         self._heard_at = float("-inf")
         self._open = False
@@ -231,11 +222,9 @@ class AgentEnd:
 
     def hear(self, message: Message, now: float) -> bool:
         """Return whether a message holds a command that is to be carried out now."""
-        if message.agent != self.began or message.session < self.session:
-            return False  # it is for another agent, or of a former reconfigurator
         if message.session > self.session:
             self.session, self.said, self.heard, self._open = message.session, 0, 0, True
-        elif not self.is_open(now):
+        elif message.session < self.session or not self.is_open(now):
             return False
         expected = self.heard + bool(message.command)
         if message.number < expected:

@@ -13,7 +13,7 @@ from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.planning.settings import CERTAIN_S, MISSED_S, STRAINED
+from shsa_core.planning.settings import CERTAIN_S, STRAINED
 
 OWN = "the reconfigurator's computer"
 
@@ -113,7 +113,7 @@ class Computers:
         if back:
             computer.counts = time + self._hold_off(computer.losses - 1)
             self.settling.set(host, max(computer.counts, time + CERTAIN_S))
-        back = back or time - computer.heard > MISSED_S
+        back = back or time - computer.heard > CERTAIN_S
         computer.heard, computer.busy, computer.cores, computer.link = time, busy, cores, link
         computer.detail = ""
         if back:

@@ -140,8 +140,6 @@ class Planner:
         self._method, self._deadlines, self._available = method, deadlines, available
         self._predictor: Optional[Predictor] = None
         self._predicts_for: Optional[Som] = None
-        self._answered: Tuple[object, ...] = (None,) * 3
-        self._answer: Tuple[Signal, ...] = ()
         self.load(ontology, som)
 
     def load(self, ontology: Ontology, som: Som) -> None:
@@ -254,17 +252,10 @@ class Planner:
         return self.signals(plan.inputs)
 
     def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
-        """Return what the program of a plan gives; a takeover asks it of one plan several times."""
-        known = self.calibrations.of(plan.service, plan.program)
-        asked = (plan, self.som, known)
-        if any(each is not former for each, former in zip(asked, self._answered)):
-            self._answered, self._answer = asked, self._outputs(plan, known)
-        return self._answer
-
-    def _outputs(self, plan: Plan, known: Calibrated) -> Tuple[Signal, ...]:
-        """Return it with gain, offset and error as the living sensor has shown."""
+        """Return what its program gives, with gain, offset and error as the living sensor shows."""
         signals = self.signals(plan.outputs, written=True)
         found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
+        known = self.calibrations.of(plan.service, plan.program)
         for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
             if source.provision.calibrate:
                 gain, offset, error = calibration.gain, calibration.offset, calibration.error

@@ -9,7 +9,6 @@ import re
 import shlex
 import sys
 import threading
-import time
 from typing import Callable
 
 import rospy
@@ -44,8 +43,8 @@ class AgentNode:
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
-        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
-        self._end = AgentEnd(time.monotonic_ns(), patience)
+        patience = settings.LOST_BEATS * settings.TURN_S
+        self._end = AgentEnd(patience)
         self._load = Load()
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
@@ -73,7 +72,7 @@ class AgentNode:
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
             self._beat()
-            if self._forgotten.wait(settings.HEARTBEAT_S):
+            if self._forgotten.wait(settings.TURN_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
         if not self._followed():
             self._host.stop_all()
@@ -128,7 +127,6 @@ class AgentNode:
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
         message = msg.HostEvent(
-            began=self._end.began,
             session=self._end.session,
             open=self._end.is_open(clock.now()),
             number=self._end.said,

@@ -135,7 +135,7 @@ class AllHosts:
         commands = SignedPublisher(self._signing, names.host_commands(name), msg.HostCommand)
         say = lambda **fields: publish(commands, msg.HostCommand(**fields))
         beats = settings.LOST_BEATS, settings.RETURN_BEATS
-        return RemoteHost(name, self._tell, say, *(settings.HEARTBEAT_S * each for each in beats))
+        return RemoteHost(name, self._tell, say, *(settings.TURN_S * each for each in beats))
 
     def _hear(self, host: RemoteHost) -> None:
         def heard(message: msg.HostEvent) -> None:
@@ -171,7 +171,7 @@ class AllHosts:
                     if beats:
                         host.beat()
             if beats:
-                beat_at = now + settings.HEARTBEAT_S
+                beat_at = now + settings.TURN_S
                 if self._own:  # as agents tell of theirs
                     self._load.look(now)
                     load = self._load.busy, self._load.cores, self._load.sent, self._load.received

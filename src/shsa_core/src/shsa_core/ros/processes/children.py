@@ -102,7 +102,7 @@ class Children:
                     self._ended(node, None if stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
-            time.sleep(settings.SOON_S)
+            time.sleep(settings.TICK_S)
 
 
 def end(process: psutil.Process) -> None:

@@ -75,7 +75,7 @@ class Heart:
         now = time.monotonic()
         if now < self._due and not at_once:
             return True
-        self._due = now + settings.HEARTBEAT_S
+        self._due = now + settings.TURN_S
         self._hear()
         try:
             with suppress(BlockingIOError):  # somebody listens, and not fast enough

@@ -176,9 +176,9 @@ class LocalHost:
             self._tell(events.NodeUnregistered(clock.now(), command.node))
 
     def _start(self, command: events.StartSubstitute) -> None:
-        asked = clock.now()
         self.substitutes.start(command)
-        self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
+        now = clock.now()
+        self._tell(events.SubstituteStarted(now, command.node, now))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

@@ -64,7 +64,7 @@ def _try(pid: int) -> bool:
 
 def _insist(pid: int) -> None:
     while not _try(pid):
-        time.sleep(settings.SOON_S)
+        time.sleep(settings.TICK_S)
 
 
 def _may_hurry() -> bool:

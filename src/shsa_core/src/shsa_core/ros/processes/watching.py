@@ -30,7 +30,7 @@ class Life:
     `tell` hears in a thread of its own each one's first sign; and that it hangs, after `patience`
     heartbeats without one, or, where `stopping_counts`, as the kernel has stopped it. Time stands
     while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
-    had no processor, as what stands by comes last: up to STARVED_S.
+    had no processor, as what stands by comes last: up to STARVED times that.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Life:
         stopping_counts: bool = True,
     ) -> None:
         self._signs, self._watched, self._tell = signs, watched, tell
-        self._patience, self._at_work = patience * settings.HEARTBEAT_S, at_work
+        self._patience, self._at_work = patience * settings.TURN_S, at_work
         self._stopping_counts = stopping_counts
         self._seen: Dict[str, _Seen] = {}
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
@@ -68,13 +68,13 @@ class Life:
             seen.clock.stand(before, now)
         if sign != seen.sign:
             seen.sign, seen.starves = sign, False
-        elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
+        elif seen.clock.passed(sign.time) >= 2 * settings.TURN_S:
             # At first this only tells how long it has waited so far.
             seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
             seen.starves = True
             late = seen.clock.has_passed(sign.time, self._patience)
             stopped = self._stopping_counts and kernel.stopped(sign.pid)
-            if late or stopped or now - sign.time >= settings.STARVED_S:
+            if late or stopped or now - sign.time >= settings.STARVED * self._patience:
                 self._tell(events.ProcessPulse(now, name, False))
                 self._signs.last.pop(name, None)
                 del self._seen[name]
@@ -101,7 +101,7 @@ class Companion:
         self._beaten = time.monotonic()
         self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_BEATS[role]
-        at_work = lambda: time.monotonic() < self._beaten + 3 * settings.HEARTBEAT_S
+        at_work = lambda: time.monotonic() < self._beaten + 3 * settings.TURN_S
         Life(signs, self._name.__eq__, self._change, patience, at_work, stopping_counts=False)
 
     def beat(self) -> None:
