@@ -2,7 +2,6 @@
 import os
 import sys
 import threading
-import time
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import Callable, Iterable, Iterator, List, Optional, Set, Tuple, Union
@@ -184,8 +183,7 @@ class SubstituteNode:
 
     def _look_at_healer(self, _: events.LookAtHealer) -> None:
         self._heart.beat(at_once=True)
-        ago = time.monotonic() - self._heart.answered
-        self._inputs.put(events.HealerHeard(self._clock.now(), ago))
+        self._inputs.put(events.HealerHeard(self._clock.now(), self._heart.unheard))
 
     def _take_over(self, command: events.TakeOver) -> None:
         row, now = command.row, self._clock.now()

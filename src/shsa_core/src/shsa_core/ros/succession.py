@@ -5,7 +5,8 @@ the reconfigurator and the boot, and needs no ROS master.
 """
 import os
 import re
-from typing import Any, Collection, List, NamedTuple, Set, Tuple
+from contextlib import suppress
+from typing import Any, Collection, NamedTuple, Set, Tuple
 
 import rospkg
 import rospy
@@ -69,15 +70,14 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
 
 def _sorted_out(host: LocalHost, nodes: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     """Return the nodes with a substitute's name: those that are dead; strangers."""
-    dead: List[str] = []
-    strangers: List[str] = []
-    for node in sorted(each for each in nodes if each.startswith(host.prefix)):
-        try:
+    named = sorted(each for each in nodes if each.startswith(host.prefix))
+    dead = []
+    for node in named:
+        with suppress(*FAILURES):  # nobody knows it
             known = host.nodes.look(node)
-        except FAILURES:
-            known = None  # nobody knows it
-        (dead if known is not None and known.dead else strangers).append(node)
-    return tuple(dead), tuple(strangers)
+            if known is not None and known.dead:
+                dead.append(node)
+    return tuple(dead), tuple(each for each in named if each not in dead)
 
 
 def _read(path: str) -> Former:

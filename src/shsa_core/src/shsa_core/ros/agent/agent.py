@@ -9,6 +9,7 @@ import re
 import shlex
 import sys
 import threading
+from contextlib import suppress
 from typing import Callable
 
 import rospy
@@ -43,9 +44,8 @@ class AgentNode:
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
-        patience = settings.LOST_BEATS * settings.TURN_S
-        self._end = AgentEnd(patience)
-        self._load = Load()
+        self._end = AgentEnd(settings.LOST_BEATS * settings.TURN_S)
+        self._load, self._followed = Load(), followed
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
@@ -58,7 +58,6 @@ class AgentNode:
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._followed = followed
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -87,17 +86,13 @@ class AgentNode:
         One that was restarted with the master does not find us, and cannot tell the master of us.
         """
         us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
-        while not rospy.is_shutdown() and kernel.started_by_launch(os.getpid()):
+        while not self._forgotten.is_set() and kernel.started_by_launch(os.getpid()):
             rospy.rostime.wallsleep(settings.LOOK_S)
             with self._lock:
                 heard = self._end.is_open(clock.now())
-            try:
-                publishers = {} if heard else dict(master_api().getSystemState()[0])
-            except FAILURES:
-                continue
-            if not heard and us not in publishers.get(topic, ()):
-                self._forgotten.set()
-                return
+            with suppress(*FAILURES):
+                if not heard and us not in dict(master_api().getSystemState()[0]).get(topic, ()):
+                    self._forgotten.set()
 
     def _received(self, message: msg.HostCommand) -> None:
         with self._lock:

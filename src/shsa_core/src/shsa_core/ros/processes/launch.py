@@ -68,8 +68,8 @@ class Launches:
         self._worker = Workers("launches")
         self._lock = threading.Lock()
         self._unknown: Set[str] = set()
-        self._processes: Dict[str, int] = {}  # whose turn it is comes first
-        self._of_node: Dict[str, int] = {}
+        # Each node's process and its roslaunch, 0: none; whose turn it is comes first.
+        self._known: Dict[str, Tuple[int, int]] = {}
         self._logs: Dict[int, _LaunchLog] = {}
 
     def learn(self, node: str) -> None:
@@ -82,11 +82,11 @@ class Launches:
     def ending(self) -> Tuple[str, ...]:
         """Return the nodes whose launch has begun to end since the last look."""
         with self._lock:
-            ended = {pid for pid, log in self._logs.items() if log.tells()}
-            if not ended:
-                return ()
-            self._logs = {pid: log for pid, log in self._logs.items() if pid not in ended}
-            return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
+            ended = {launch for launch, log in self._logs.items() if log.tells()}
+            for launch in ended:
+                del self._logs[launch]
+            nodes = (n for n, (_, launch) in self._known.items() if launch in ended)
+            return tuple(sorted(nodes)) if ended else ()
 
     def waited(self) -> kernel.Waits:
         """Return for how long in all nodes have waited for a processor, in s: each in its turn.
@@ -96,10 +96,11 @@ class Launches:
         if not kernel.crowded():
             return ()
         with self._lock:
-            turn = list(self._processes.items())[: settings.LOOKED_AT]
-            for node, pid in turn:
-                self._processes[node] = self._processes.pop(node)
-        return tuple((node, kernel.waited(pid)) for node, pid in turn)
+            turn = list(self._known.items())[: settings.LOOKED_AT]
+            for node, known in turn:
+                del self._known[node]
+                self._known[node] = known
+        return tuple((node, kernel.waited(pid)) for node, (pid, _) in turn)
 
     def _look(self) -> None:
         time.sleep(settings.CALL_S)
@@ -108,15 +109,13 @@ class Launches:
         for node, pid in ((each.node, each.process.pid) for each in kernel.robot_processes()):
             if node not in nodes:
                 continue
-            found = _find_log(pid)
+            launch, log = _find_log(pid) or (0, None)
             with self._lock:
-                self._processes[node] = pid
-                self._of_node.pop(node, None)
-                if found is not None:
-                    self._of_node[node] = found[0]
-                    self._logs.setdefault(*found)
-                known = set(self._of_node.values())
-                self._logs = {pid: log for pid, log in self._logs.items() if pid in known}
+                self._known[node] = pid, launch
+                if log is not None:
+                    self._logs.setdefault(launch, log)
+                launches = {launch for _, launch in self._known.values()}
+                self._logs = {pid: log for pid, log in self._logs.items() if pid in launches}
 
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
@@ -136,8 +135,6 @@ def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
 
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""
-
-
 ASKED_BY_API = "external shutdown request"
 """The beginning of rospy's reason then."""
 
@@ -179,13 +176,12 @@ def find_other(node: str) -> Optional[str]:
         return None
     if number == os.getpid():
         return None
-    if is_local(uri):
-        process = listener(resolved(uri), number)
-        if process is None or not kernel.is_ours(process):
-            whose = kernel.user(process) if process is not None else "somebody else"
-            text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
-            print(text, file=sys.stderr)
-            return None
+    process = listener(resolved(uri), number) if is_local(uri) else None
+    if is_local(uri) and (process is None or not kernel.is_ours(process)):
+        whose = kernel.user(process) if process is not None else "somebody else"
+        text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
+        print(text, file=sys.stderr)
+        return None
     return f"process {number} at {uri}"
 
 

@@ -117,30 +117,29 @@ class Companion:
         )
 
     def _change(self, event: events.ProcessPulse) -> None:
-        (self._hear if event.heard else self._hangs)(event.node)
-
-    def _hear(self, name: str) -> None:
-        sign = self._signs.last.get(name)
-        try:
-            self._process = psutil.Process(sign.pid) if sign else None
-        except (psutil.Error, OSError):
-            self._process = None  # it cannot be told now: nobody is ended for it
-        if self.problem:
-            rospy.loginfo("%s gives signs of life again.", name)
-        self.problem = ""
-
-    def _hangs(self, name: str) -> None:
-        process = self._process
-        if process is None or kernel.gone(process):
+        name, process, sign = event.node, self._process, self._signs.last.get(event.node)
+        if event.heard:
+            try:
+                self._process = psutil.Process(sign.pid) if sign else None
+            except (psutil.Error, OSError):
+                self._process = None  # it cannot be told now: nobody is ended for it
+            if self.problem:
+                rospy.loginfo("%s gives signs of life again.", name)
+            self.problem = ""
+        elif process is None or kernel.gone(process):
             self.problem = f"{name} has ended"
             rospy.logerr("%s. No launch has started another one.", self.problem)
-            return
-        self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
-        done = "No launch would start it again: it is left alone."
-        if kernel.started_by_launch(process.pid):
-            done = "Its launch starts it again."
-            try:
-                kernel.kill(process)
-            except OSError as error:
-                done = f"It cannot be ended: {error}."
-        rospy.logerr("%s. %s", self.problem, done)
+        else:
+            self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
+            rospy.logerr("%s. %s", self.problem, _ended(process))
+
+
+def _ended(process: psutil.Process) -> str:
+    """End a healer that hangs, if a launch starts it again; return what was done, in words."""
+    if not kernel.started_by_launch(process.pid):
+        return "No launch would start it again: it is left alone."
+    try:
+        kernel.kill(process)
+    except OSError as error:
+        return f"It cannot be ended: {error}."
+    return "Its launch starts it again."
