@@ -60,18 +60,16 @@ def robot_processes() -> Iterator[Running]:
 
 def is_ours(process: psutil.Process) -> bool:
     """Return whether a process runs as the user that we run as, and as no other beside."""
-    try:
+    with suppress(psutil.Error):
         return set(process.uids()) == {os.geteuid()}
-    except psutil.Error:
-        return False
+    return False
 
 
-def user(process: psutil.Process) -> str:
+def user(process: Optional[psutil.Process]) -> str:
     """Return the name of the user that a process runs as."""
-    try:
-        return str(process.username())
-    except psutil.Error:
-        return "somebody else"
+    with suppress(psutil.Error):
+        return str(process.username()) if process else "somebody else"
+    return "somebody else"
 
 
 def identity(pid: int) -> Identity:
@@ -101,16 +99,7 @@ def never_to_end(process: psutil.Process) -> str:
             return "it is the master"
     if process.pid in {1, *(each.pid for each in ancestors(os.getpid()))}:
         return "its process has started the reconfigurator"
-    return _part(process)
-
-
-def _part(process: psutil.Process) -> str:
-    """Return which part of healing or ROS a process is, by its command line; empty: none."""
-    try:
-        paths = [word.split("/") for word in process.cmdline()[:2]]
-    except psutil.Error:
-        return ""
-    for *folders, name in paths:
+    for *folders, name in programs(process):
         if name in OF_ROS:
             return "it belongs to ROS"
         if name in OF_HEALING and not {"shsa_core", "shsa_view"}.isdisjoint(folders):
@@ -118,12 +107,11 @@ def _part(process: psutil.Process) -> str:
     return ""
 
 
-def programs(process: psutil.Process) -> List[str]:
-    """Return the first two names of a command line: an interpreter's comes before its program."""
-    try:
-        return [os.path.basename(word) for word in process.cmdline()[:2]]
-    except psutil.Error:
-        return []
+def programs(process: psutil.Process) -> List[List[str]]:
+    """Return the folders and the name of a process's program, or of its interpreter and that."""
+    with suppress(psutil.Error):
+        return [word.split("/") for word in process.cmdline()[:2]]
+    return []
 
 
 def ancestors(pid: int) -> List[psutil.Process]:
@@ -137,8 +125,8 @@ def ancestors(pid: int) -> List[psutil.Process]:
 
 def started_by_launch(pid: int) -> bool:
     """Return whether a roslaunch has started a process, which may start it again."""
-    starters = (set(programs(each)) for each in ancestors(pid)[:1])
-    return any(names & {"roslaunch", "rostest"} for names in starters)
+    words = (word for each in ancestors(pid)[:1] for word in programs(each))
+    return any(name in ("roslaunch", "rostest") for *_, name in words)
 
 
 def gone(process: psutil.Process) -> bool:
@@ -170,12 +158,10 @@ def waited(pid: int) -> float:
     0 where the kernel does not tell: see its documentation of schedstat.
     """
     total = 0
-    try:
+    with suppress(OSError, ValueError, IndexError):  # it, or a thread of it, has ended meanwhile
         for task in os.listdir(f"/proc/{pid}/task"):
             with open(f"/proc/{pid}/task/{task}/schedstat", "rb") as file:
                 total += int(file.read().split()[1])
-    except (OSError, ValueError, IndexError):
-        return total / 1e9  # it, or a thread of it, has ended meanwhile
     return total / 1e9
 
 

@@ -178,7 +178,7 @@ def find_other(node: str) -> Optional[str]:
         return None
     process = listener(resolved(uri), number) if is_local(uri) else None
     if is_local(uri) and (process is None or not kernel.is_ours(process)):
-        whose = kernel.user(process) if process is not None else "somebody else"
+        whose = kernel.user(process)
         text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
         print(text, file=sys.stderr)
         return None

@@ -149,17 +149,7 @@ class LocalHost:
             with suppress(*FAILURES):
                 uri = self.nodes.uri(node)
                 sent = rate(uri, command.topic, command.listen) if uri else None
-        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent))
-
-    def _starter(self, node: str) -> str:
-        """Return the process that has started a node, in words; empty: not known."""
-        known = self.nodes.known(node)
-        process = known.process if known else None
-        for starter in kernel.ancestors(process.pid)[:1] if process else ():
-            for name in kernel.programs(starter):
-                if not name.startswith("python"):
-                    return f"{name!a}, process {starter.pid}"
-        return ""
+        self._tell(events.NodeFound(clock.now(), node, *found, sent))
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node

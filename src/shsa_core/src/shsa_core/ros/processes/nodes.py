@@ -246,7 +246,7 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
 
     Asks the roslaunch that has started it, and takes as long as that does.
     """
-    if kernel.programs(process) == ["nodelet", "manager"]:
+    if [name for *_, name in kernel.programs(process)] == ["nodelet", "manager"]:
         return "its process is a nodelet manager"
     if others:
         return f"its process is that of {', '.join(sorted(others))} too"

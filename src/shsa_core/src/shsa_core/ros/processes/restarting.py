@@ -69,17 +69,15 @@ class Restarts:
             parent = process.ppid()
             starter = identity(parent) if parent > 1 else NOBODY
             start = _Start(process.cmdline(), process.cwd(), process.environ(), starter)
-        except psutil.NoSuchProcess:
-            return
         except (psutil.Error, OSError) as error:
-            rospy.logwarn("%s could not be started again: %s", node, error)
+            if not isinstance(error, psutil.NoSuchProcess):
+                rospy.logwarn("%s could not be started again: %s", node, error)
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
-        ours = self.children.process(node)
         with self._lock:
-            if ours is not None and ours.pid == process.pid:
-                start = replace(start, starter=self._starts[node].starter)  # we started it
+            if self.children.process(node) == process:  # we started it
+                start = replace(start, starter=self._starts[node].starter)
             self._starts[node] = start
 
     def started_again(self, node: str) -> Optional[psutil.Process]:
@@ -92,12 +90,10 @@ class Restarts:
         if start is None or ended(start.starter):
             return None
         for pid in _children(start.starter[0]):
-            try:
+            with suppress(psutil.Error):
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
                     return process
-            except psutil.Error:
-                continue
         return None
 
     def take_up(self) -> List[str]:
