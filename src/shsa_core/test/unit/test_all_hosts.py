@@ -95,12 +95,9 @@ def test_what_ran_before_is_where_it_was_found(robot: Robot) -> None:
     assert robot.do(stop) == [("board", stop)]
 
 
-def test_nodes_are_awaited_here_and_by_their_own_agent(robot: Robot) -> None:
+def test_nodes_are_awaited_everywhere(robot: Robot) -> None:
     watch = events.WatchNodes(("/a", "/c"))
-    assert robot.do(watch) == [("", watch), ("pi", events.WatchNodes(("/a",)))]
-    assert robot.do(watch) == [("", watch)]  # the agent knows
-    none = events.WatchNodes(())
-    assert robot.do(none) == [("", none), ("pi", none)]
+    assert robot.do(watch) == [(host, watch) for host in ("", "pi", "board", "attic")]
 
 
 def test_what_waits_for_an_agent_that_hangs_is_bounded(

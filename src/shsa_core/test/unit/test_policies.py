@@ -288,14 +288,14 @@ def test_who_is_kept_out_is_killed_as_it_registers_and_whoever_starts_it_is_name
         robot.row("/a", A, "unknown", time)
         assert only(robot.table(time), events.FindNode).node == A
         assert publishing(robot) == (True,)
-        where = events.NodeFound(time + 0.01, A, events.Where.HERE)
+        where = events.NodeFound(time + 0.01, A, events.Where.HERE, "", "roslaunch, process 7")
         assert only(robot.handle(where), events.EndProcess).node == A
         said = robot.handle(events.NodeLeft(time + 0.02, A))
         told += [each.text for each in said if isinstance(each, events.Log)]
         robot.rows.pop(("/a", A))
         robot.table(time + 0.03)
     assert 3 < len(told) < 8  # ever more seldom
-    assert "/a_node is kept out, and was started again once" in told[0]
+    assert "/a_node is kept out, and was started again once by roslaunch, process 7" in told[0]
     assert "rosservice call /shsa/release /a" in told[0]
     assert last_incident(robot.said).state is State.HEALED
 

@@ -517,7 +517,7 @@ class HealthyRobot:
             where = healing.Where.HERE if same else healing.Where.ANOTHER
         elif node is not None and not node.clean:
             where = healing.Where.DEAD
-        self._answer(healing.NodeFound(self.now, name, where))
+        self._answer(healing.NodeFound(self.now, name, where, starter="roslaunch"))
 
     def _clear(self, command: healing.ClearNode) -> None:
         node = self._nodes.get(command.node)

@@ -147,19 +147,21 @@ class NodeLearned(NodeEvent):
 
 @dataclass(frozen=True)
 class NodeCameUp(NodeEvent):
-    """A process has come up as one of the nodes of WatchNodes, or is about to."""
+    """A process has come up as one of the nodes of WatchNodes."""
 
 
 @dataclass(frozen=True)
 class NodeFound(NodeEvent):
     """It was looked where the process of a node runs that is to be killed.
 
-    `detail`: why it is not touched. `rate`: messages/s that it sends to those that are connected to
-    it, 0 as well if it does not answer; None: nobody is connected, or it was not to be counted.
+    `detail`: why it is not touched. `starter`: who has started it, in words; empty: not known.
+    `rate`: messages/s that it sends to those that are connected to it, 0 as well if it does not
+    answer; None: nobody is connected, or it was not to be counted.
     """
 
     where: Where
     detail: str = ""
+    starter: str = ""
     rate: Optional[float] = None
 
 

@@ -54,7 +54,8 @@ class Outcome(Word):
 class KillOver:
     """The kill of a node is over; it was gone at `time`: when the kill began if it was dead.
 
-    `detail`: what was seen; `cause`: why it may do well all the same.
+    `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
+    it, empty: not known.
     """
 
     time: float
@@ -62,6 +63,7 @@ class KillOver:
     outcome: Outcome
     detail: str = ""
     cause: str = ""
+    starter: str = ""
 
 
 KillEvent = Union[NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable]
@@ -79,6 +81,7 @@ class _Kill:
     where: Optional[Where] = None
     answered: bool = False
     forced: bool = False
+    starter: str = ""
 
     @property
     def listen(self) -> float:
@@ -224,7 +227,7 @@ class Kills:
         if where is Where.ANOTHER and untold:
             kill.topics[untold[0]] = True
             return [self._find(time, node, untold[0])]
-        kill.where = where
+        kill.where, kill.starter = where, event.starter
         if where is Where.NOWHERE:  # who is well since the kill began is another process
             return self._over(kill.begun, node, True, "it is not registered")
         if where is Where.DEAD:
@@ -311,7 +314,7 @@ class Kills:
     def _end(
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
-        del self._kills[node]
+        kill = self._kills.pop(node)
         self._health.dying = frozenset(self._kills)
         self.agenda.set(node, None)
-        return [KillOver(time, node, outcome, detail, cause)]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter)]

@@ -240,7 +240,7 @@ class ServiceMachine:
         return self.step() if self.incident.kept_out is not self.kept_out else []
 
     def _killed(self, event: KillOver) -> List[Command]:
-        """Note that the faulty node is gone; say that it was started while it is kept out."""
+        """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         if self.incident.state is not State.RETURNING and not self.kept_out:
             self.start_node()
         commands: List[Command] = []
@@ -249,6 +249,7 @@ class ServiceMachine:
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{node} is kept out, and was started again {times}"
+            text += f" by {event.starter}" if event.starter else ""
             said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
             commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
         return [*commands, *self.step(killed=event.time), *self.replan()]

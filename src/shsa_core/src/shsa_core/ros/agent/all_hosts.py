@@ -43,7 +43,6 @@ class AllHosts:
         self._load = Load()
         self._remote: Dict[str, RemoteHost] = {}
         self._homes: Dict[str, str] = {}
-        self._watched: Dict[str, List[str]] = {}
         self._lock = threading.RLock()
         self._begun = threading.Event()
         threading.Thread(target=self._work, name="agents", daemon=True).start()
@@ -55,8 +54,9 @@ class AllHosts:
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
-        if isinstance(command, events.WatchNodes):
-            self._watch(command)
+        if isinstance(command, events.WatchNodes):  # each sees to those that it knows
+            for host in (LOCAL, *self._remote):
+                self._send(host, command)
         elif isinstance(command, events.StartSubstitute):
             self._start(command)
         else:
@@ -109,15 +109,6 @@ class AllHosts:
         """Return the computer of a node, if its agent was ever heard."""
         home = self._homes.get(node) or self._host_of(node)
         return home if home in self._remote and self._remote[home].seen else LOCAL
-
-    def _watch(self, command: events.WatchNodes) -> None:
-        """Here all are watched, as they may come up anywhere; an agent sees its own sooner."""
-        self._send(LOCAL, command)
-        for name in self._remote:
-            nodes = sorted(node for node in command.nodes if self._home(node) == name)
-            if nodes != self._watched.get(name, []):
-                self._watched[name] = nodes
-                self._send(name, events.WatchNodes(tuple(nodes)))
 
     def _start(self, command: events.StartSubstitute) -> None:
         home = LOCAL if command.host == self._own else command.host

@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 from contextlib import suppress
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, List
 
 import psutil
 import rospy
@@ -136,9 +136,8 @@ class LocalHost:
                 self._tell(events.NodeLearned(clock.now(), other, True, told))
         self._tell(events.NodeLearned(clock.now(), node, known is not None, why))
 
-    def _came_up(self, node: str, process: Optional[psutil.Process]) -> None:
-        if process is not None:
-            self.nodes.adopt(node, Known("", process))
+    def _came_up(self, node: str, process: psutil.Process) -> None:
+        self.nodes.adopt(node, Known("", process))
         self._tell(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
@@ -149,7 +148,17 @@ class LocalHost:
             with suppress(*FAILURES):
                 uri = self.nodes.uri(node)
                 sent = rate(uri, command.topic, command.listen) if uri else None
-        self._tell(events.NodeFound(clock.now(), node, *found, sent))
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent))
+
+    def _starter(self, node: str) -> str:
+        """Return the process that has started a node, in words; empty: not known."""
+        known = self.nodes.known(node)
+        process = known.process if known else None
+        for starter in kernel.ancestors(process.pid)[:1] if process else ():
+            for *_, name in kernel.programs(starter):
+                if not name.startswith("python"):
+                    return f"{name!a}, process {starter.pid}"
+        return ""
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
         node = command.node

@@ -10,14 +10,13 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Callable, Dict, Iterable, List, Optional
+from typing import Callable, Dict, List, Optional, Sequence
 
 import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, uri_of
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
@@ -153,55 +152,33 @@ class Restarts:
 
 
 class ComingUp:
-    """Tells when nodes come up again, as early as can be, before any consumer hears them.
+    """Tells when nodes come up again, long before they register and any consumer hears them.
 
-    `started(node)` finds the process that was started again as a node was before: long before it
-    registers. `came(node, process)` is called, in a thread, once for each process, None: for each
-    that registers.
+    `started(node)` finds the process that was started again as a node was before; `came(node,
+    process)` is called once for each, in a thread.
     """
 
     def __init__(
         self,
         started: Callable[[str], Optional[psutil.Process]],
-        came: Callable[[str, Optional[psutil.Process]], None],
+        came: Callable[[str, psutil.Process], None],
     ) -> None:
         self._started, self._came = started, came
-        self._addresses: Dict[str, str] = {}  # where each was last; empty: nowhere
-        self._processes: Dict[str, psutil.Process] = {}
+        self._nodes: Sequence[str] = ()
         self._wanted = threading.Event()
-        self._lock = threading.Lock()
         threading.Thread(target=self._look, name="coming up", daemon=True).start()
 
-    def watch(self, nodes: Iterable[str]) -> None:
-        """Look for these nodes from now on; where they are registered now, they were before."""
-        wanted = set(nodes)
-        found = {node: _address(node) for node in wanted - set(self._addresses)}
-        with self._lock:
-            kept = {node: uri for node, uri in self._addresses.items() if node in wanted}
-            self._addresses = {**found, **kept}
-            self._wanted.set() if self._addresses else self._wanted.clear()
+    def watch(self, nodes: Sequence[str]) -> None:
+        """Look for these nodes from now on."""
+        self._nodes = nodes
+        self._wanted.set() if nodes else self._wanted.clear()
 
     def _look(self) -> None:
+        told: Dict[str, psutil.Process] = {}
         while self._wanted.wait():
-            for node, known in list(self._addresses.items()):
+            for node in self._nodes:
                 process = self._started(node)
-                if process is not None and process != self._processes.get(node):
-                    self._processes[node] = process
+                if process is not None and process != told.get(node):
+                    told[node] = process
                     self._came(node, process)
-                uri = _address(node)
-                if uri in ("", known):
-                    continue
-                with self._lock:
-                    if node not in self._addresses:
-                        continue  # nobody waits for it any more
-                    self._addresses[node] = uri
-                self._came(node, None)
             time.sleep(settings.TICK_S)
-
-
-def _address(node: str) -> str:
-    """Return where the master says that a node is; empty: it does not know, or does not answer."""
-    try:
-        return uri_of(node)
-    except FAILURES:
-        return ""
