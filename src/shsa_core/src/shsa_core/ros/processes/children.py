@@ -96,11 +96,11 @@ class Children:
                 over = {node: status for node, status in polled.items() if status is not None}
                 for node in over:
                     del self._running[node]
+                stopped = self._stopped & over.keys()
+                self._stopped -= stopped
             for node, status in over.items():
-                stopped = node in self._stopped
-                self._stopped.discard(node)
                 try:
-                    self._ended(node, None if stopped else status)
+                    self._ended(node, None if node in stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
             time.sleep(settings.TICK_S)

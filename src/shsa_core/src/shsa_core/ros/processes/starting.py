@@ -9,6 +9,7 @@ import socket
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import psutil
@@ -33,22 +34,9 @@ LIMITS = {
     "nofile": (resource.RLIMIT_NOFILE, 16384),
 }
 """Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
-INHERITED = (
-    "CMAKE_PREFIX_PATH",
-    "HOME",
-    "LANG",
-    "LANGUAGE",
-    "LD_LIBRARY_PATH",
-    "LOGNAME",
-    "PATH",
-    "PYTHONPATH",
-    "PYTHONUNBUFFERED",
-    "TMPDIR",
-    "TZ",
-    "USER",
-)
-INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
-"""Of our environment a substitute inherits nothing but these."""
+INHERITED = ("CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH", "PYTHON", "ROS", "SHSA_")
+OF_USER = ("HOME", "LANG", "LC_", "LOGNAME", "TMPDIR", "TZ", "USER")
+"""Of our environment a substitute inherits nothing but what begins with one of these."""
 
 
 class Setup(NamedTuple):
@@ -98,8 +86,9 @@ class Substitutes:
             name: [*limits, "rosrun", PACKAGE, os.path.relpath(path, folder)]
             for name, path in self._paths.items()
         }
+        inherits = (each for each in os.environ.items() if each[0].startswith(INHERITED + OF_USER))
         self._variables = {
-            **environment(os.environ),
+            **dict(inherits),
             "ROS_NAMESPACE": setup.prefix.rsplit("/", 1)[0] or "/",
             secret.VARIABLE: setup.secret_file,
             HOST: setup.host,
@@ -165,12 +154,6 @@ class Substitutes:
         return next(number for number in itertools.count(1) if number not in taken)
 
 
-def environment(ours: Mapping[str, str]) -> Dict[str, str]:
-    """Return what of our environment a substitute inherits: nothing that it has no use for."""
-    listed = lambda name: name in INHERITED or name.startswith(INHERITED_PREFIXES)
-    return {name: value for name, value in ours.items() if listed(name)}
-
-
 def wrapper(sandbox: Sequence[str]) -> List[str]:
     """Return the words before a substitute's command: its limits, no new rights, a `sandbox`.
 
@@ -230,17 +213,22 @@ class Forking:
         """
         order = json.dumps({"words": words, "variables": variables}).encode()
         with self._lock:
-            if self._line is None or self._process is None or len(order) > LARGEST_ORDER_B:
+            line, process = self._line, self._process
+            if line is None or process is None or len(order) > LARGEST_ORDER_B:
                 return None
             try:
-                if kernel.stopped(self._process.pid):
+                if kernel.stopped(process.pid):
                     raise BlockingIOError("the prepared process is stopped")
-                self._line.settimeout(settings.PATIENCE_S)
-                self._line.send(order, socket.MSG_DONTWAIT)
-                pid = int(self._line.recv(LONGEST_ANSWER_B) or b"0")
-            except (OSError, psutil.Error) as error:
+                line.settimeout(settings.PATIENCE_S)
+                line.send(order, socket.MSG_DONTWAIT)
+                pid = int(line.recv(LONGEST_ANSWER_B) or b"0")
+            except OSError as error:
                 rospy.logwarn("%s could not be forked: %r", words[-1], error)
-                pid = self._give_up(self._line, self._process)
+                self._line, pid = None, 0
+                process.kill()
+                with suppress(OSError):  # a fork of the last moment is ours; later none begins
+                    line.shutdown(socket.SHUT_RDWR)
+                    pid = int(line.recv(LONGEST_ANSWER_B) or b"0")
         try:
             return psutil.Process(pid) if pid else None
         except psutil.NoSuchProcess:
@@ -249,26 +237,12 @@ class Forking:
             os.kill(pid, signal.SIGKILL)  # nobody could look after it: there is no descriptor left
             raise
 
-    def _give_up(self, line: socket.socket, process: "subprocess.Popen[bytes]") -> int:
-        """End a prepared process that hangs; return the fork that it has made in the last moment.
-
-        None begins later: nobody hears that it is there.
-        """
-        self._line = None
-        process.kill()
-        try:
-            line.shutdown(socket.SHUT_RDWR)
-            return int(line.recv(LONGEST_ANSWER_B) or b"0")
-        except OSError:
-            return 0
-
     def _keep(self) -> None:
         pause = settings.FIRST_PAUSE_S
         while not rospy.is_shutdown():
-            began = time.monotonic()
+            began, why = time.monotonic(), "it has ended"
             try:
                 self._serve()
-                why = "it has ended"
             except (OSError, ValueError) as error:
                 why = str(error)
             if time.monotonic() > began + settings.LONGEST_PAUSE_S:
