@@ -144,7 +144,7 @@ def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
     assert not cable.take(events.HostLost)
     cable.pass_time(0.4)
     assert [each.host for each in cable.take(events.HostLost)] == ["pi"]
-    assert not cable.host.told().reached
+    assert not cable.host.is_reached
     cable.take(events.HostSeen)
     cable.pass_time(3.0)
     assert not cable.take(events.HostLost)  # it is said once

@@ -7,7 +7,7 @@ nothing. Times in s, on one clock.
 """
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple, Type
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
@@ -29,15 +29,6 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 """Commands that somebody waits for the answer of."""
 
 
-class HostState(NamedTuple):
-    """The state of a computer, for people; `silent`: s since it was `seen`; None: it never was."""
-
-    name: str
-    reached: bool
-    silent: float
-    seen: Optional[events.HostSeen]
-
-
 class RemoteHost:
     """A Host of the computer `name`. For one thread at a time.
 
@@ -45,7 +36,7 @@ class RemoteHost:
     `ended()`: whether the agent has closed its connection, as it does when it ends. One that is
     silent for `patience` is lost, one that has ended after `returns`: it may be started again. What
     is to be stopped while it cannot be reached is stopped once it can be; substitutes that have
-    ended meanwhile are told.
+    ended meanwhile are told. `silence`: s since it was heard, `seen`: what it told then.
     """
 
     def __init__(
@@ -71,17 +62,12 @@ class RemoteHost:
         self._watched = events.WatchNodes(())
         self.seen: Optional[events.HostSeen] = None
         self._clock = Watch()
-        self._heard_at = float("-inf")
+        self._heard_at, self.silence = float("-inf"), 0.0
 
     @property
     def is_quiet(self) -> bool:
         """True if nothing is under way to the agent, or can be."""
         return not self.is_reached or self._confirmed == self._said
-
-    def told(self) -> HostState:
-        """Return how the computer does."""
-        silent = self._clock.passed(self._heard_at)
-        return HostState(self.name, self.is_reached, silent, self.seen)
 
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
@@ -131,15 +117,15 @@ class RemoteHost:
     def tick(self, now: float, step: float) -> None:
         """Give up an agent that is silent; to be called every `step`."""
         self._clock.look(now, self._clock.now + step)
-        silence = self._clock.passed(self._heard_at)
-        if self.is_reached and silence >= self._patience:
-            self._begin(now, f"{self.name} has not answered for {silence:.1f} s")
+        self.silence = self._clock.passed(self._heard_at)
+        silent = f"answered for {self.silence:.1f} s"
+        if self.is_reached and self.silence >= self._patience:
+            self._begin(now, f"{self.name} has not {silent}")
         self._left = self._left or (not self.is_reached and self.ended())
         patience = self._returns if self._left else self._patience
-        if not self.is_reached and not self._lost and silence >= patience:
+        if not self.is_reached and not self._lost and self.silence >= patience:
             self._lost = True
-            why = f"its agent has not answered for {silence:.1f} s"
-            self._tell(events.HostLost(now, self.name, why))
+            self._tell(events.HostLost(now, self.name, f"its agent has not {silent}"))
 
     def beat(self) -> None:
         """Tell the agent that we are there, and how much of it was heard."""

@@ -207,7 +207,7 @@ class ReconfiguratorNode:
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._hosts.names and not self._followed():
+        if self._spins and self._hosts.remote and not self._followed():
             self._queue.put(self._stop_all)
             self._stopped.wait(settings.ANSWER_S)
 
@@ -373,7 +373,7 @@ class ReconfiguratorNode:
         self._heed_maintenance()
         core, found, listed = self._core, self._incidents.open(), self._listed[1]
         open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
-        done = self._core.needed(), open_, self._master.told(), self._hosts.told(), listed
+        done = self._core.needed(), open_, self._master.told(), self._hosts.remote, listed
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:

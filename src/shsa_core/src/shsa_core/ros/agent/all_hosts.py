@@ -7,7 +7,7 @@ from shsa_msgs import msg
 
 from shsa_core.healing import events
 from shsa_core.hosts.commands import Host, HostCommand
-from shsa_core.hosts.conversation import HostState, RemoteHost
+from shsa_core.hosts.conversation import RemoteHost
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
@@ -48,9 +48,9 @@ class AllHosts:
         threading.Thread(target=self._work, name="agents", daemon=True).start()
 
     @property
-    def names(self) -> List[str]:
+    def remote(self) -> List[RemoteHost]:
         """Return the computers whose agents are listened to."""
-        return list(self._remote)
+        return list(self._remote.values())
 
     def carry_out(self, command: HostCommand) -> None:
         """Begin to carry out a command; see Host."""
@@ -86,11 +86,6 @@ class AllHosts:
             found = {node: name for name, host in self._remote.items() for node in host.take_up()}
         self._homes.update(found)
         return list(found)
-
-    def told(self) -> List[HostState]:
-        """Return how each computer does."""
-        with self._lock:
-            return [host.told() for host in self._remote.values()]
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""

@@ -22,7 +22,7 @@ from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved, uri_of
 from shsa_core.ros.processes import kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
-from shsa_core.ros.processes.nodes import Known, Nodes, protection
+from shsa_core.ros.processes.nodes import Nodes, protection
 from shsa_core.ros.processes.restarting import ComingUp, Restarts
 from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
@@ -125,19 +125,18 @@ class LocalHost:
         node = command.node
         time.sleep(settings.PAUSE_S)
         known = self.nodes.learn(node, command.topic)
-        why = ""
-        if known is not None and known.process is not None:
-            self.restarts.learn(node, known.process)
-            sharing = self.nodes.sharing(node, known.process)
-            why = protection(node, known.process, sharing)
-            for other in sharing:
-                others = sharing - {other} | {node}
-                told = protection(other, known.process, others)
-                self._tell(events.NodeLearned(clock.now(), other, True, told))
-        self._tell(events.NodeLearned(clock.now(), node, known is not None, why))
+        process = known.process if known else None
+        if process is None:
+            self._tell(events.NodeLearned(clock.now(), node, known is not None))
+            return
+        self.restarts.learn(node, process)
+        sharing = self.nodes.sharing(process) | {node}
+        for each in sharing:
+            why = protection(each, process, sharing - {each})
+            self._tell(events.NodeLearned(clock.now(), each, True, why))
 
     def _came_up(self, node: str, process: psutil.Process) -> None:
-        self.nodes.adopt(node, Known("", process))
+        self.nodes.adopt(node, process)
         self._tell(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
@@ -183,7 +182,7 @@ class LocalHost:
         node = command.node
         if not self._may_restart:
             raise ShsaError("that would be as root there (restart_as_root:=true)")
-        self.nodes.adopt(node, Known("", self.restarts.start(node)))
+        self.nodes.adopt(node, self.restarts.start(node))
         self._tell(events.NodeRestarted(clock.now(), node))
 
 

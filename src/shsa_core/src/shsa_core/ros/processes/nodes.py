@@ -91,10 +91,10 @@ class Nodes:
                 self._known.pop(node, None)
             return known
 
-    def sharing(self, node: str, process: psutil.Process) -> Set[str]:
-        """Return the other nodes that were found in the process of a node."""
+    def sharing(self, process: psutil.Process) -> Set[str]:
+        """Return the nodes that were found in a process."""
         with self._lock:
-            return {each for each, k in self._known.items() if k.process == process} - {node}
+            return {node for node, known in self._known.items() if known.process == process}
 
     def look(self, node: str) -> Optional[Known]:
         """Return the process of a node by what the master and the kernel say now; None: none.
@@ -134,31 +134,28 @@ class Nodes:
     def learn(self, node: str, topic: str) -> Optional[Known]:
         """Remember the process of a healthy publisher of a topic; None: it cannot be verified."""
         known = self.known(node)
-        if known is not None and known.process is not None and known.uri:
-            if known.lives and topic in known.topics:
-                return known
+        if known is not None and known.process and known.lives and topic in known.topics:
+            return known
         try:
             current = self.look(node)
             if current is None or current.dead:
                 return None  # it has died meanwhile
             why = _stranger(current)
-            if why:
-                text = f"{node} can be neither ended for certain nor started again: {why}."
-                if text not in self._said:
-                    self._said.add(text)
-                    rospy.logwarn("%s", text)
-                return None
-            said = frozenset(topics(current.at))
+            said = frozenset(() if why else topics(current.at))
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
+        text = f"{node} can be neither ended for certain nor started again: {why}."
+        if why and text not in self._said:
+            self._said.add(text)
+            rospy.logwarn("%s", text)
         if topic not in said:
             return None
         return self._put(node, replace(current, topics=said, learned=True))
 
-    def adopt(self, node: str, known: Known) -> None:
+    def adopt(self, node: str, process: psutil.Process) -> None:
         """Remember a process that we have started: it needs no further proof."""
-        self._put(node, replace(known, learned=True, ours=True))
+        self._put(node, Known("", process, learned=True, ours=True))
 
     def find(self, node: str, topic: str, successor: bool, uri: str = "") -> Found:
         """Find where the process of a publisher runs that failed on a topic.
@@ -210,8 +207,7 @@ class Nodes:
             return Found(Where.ANOTHER, why or "nobody says what it failed on")
         publishers, _, _ = master_api().getSystemState()
         if not any(node in nodes for each, nodes in publishers if each == topic):
-            why = f"the master does not list it as a publisher of {topic}"
-            return Found(Where.ANOTHER, why)
+            return Found(Where.ANOTHER, f"the master does not list it as a publisher of {topic}")
         try:
             publishes = topic in topics(known.at)
         except FAILURES as error:
@@ -220,9 +216,8 @@ class Nodes:
             if known.process and isinstance(error, ConnectionRefusedError):
                 return Found(Where.DEAD)  # it ended since it was looked up
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
-        if publishes:
-            return None
-        return Found(Where.ANOTHER, f"what answers at its address does not publish {topic}")
+        why = f"what answers at its address does not publish {topic}"
+        return None if publishes else Found(Where.ANOTHER, why)
 
 
 def _listens(known: Known, uri: str) -> bool:
@@ -242,10 +237,7 @@ def _stranger(known: Known) -> str:
 
 
 def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str:
-    """Return why a node is protected whose process `others` share; empty: it is not.
-
-    Asks the roslaunch that has started it, and takes as long as that does.
-    """
+    """Return why a node is protected whose process `others` share; empty: it is not."""
     if [name for *_, name in kernel.programs(process)] == ["nodelet", "manager"]:
         return "its process is a nodelet manager"
     if others:
