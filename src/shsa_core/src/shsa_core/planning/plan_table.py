@@ -1,4 +1,5 @@
 """The plans that are made before they are needed."""
+from itertools import takewhile
 from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_core.codegen.prediction import Predictor
@@ -72,23 +73,18 @@ class PlanTable:
     def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
         """Note that some services are available no more, and some are now."""
         gone, come = tuple(gone), tuple(come)
-        for service in gone:
-            for source in service.readable:
-                self.sources.discard(source)
-        for service in come:
-            self._publishers[service.name] = service.node
-            for source in service.readable:
-                self.sources.add(source)
-        for service in gone:
-            for name in sorted(self._readers.get(service.name, ())):
-                self.drop(name)
-        for name in self._improved(come):
+        for source in (each for service in gone for each in service.readable):
+            self.sources.discard(source)
+        for source in (each for service in come for each in service.readable):
+            self.sources.add(source)
+        self._publishers.update({service.name: service.node for service in come})
+        read = {name for service in gone for name in self._readers.get(service.name, ())}
+        for name in (*sorted(read), *self._improved(come)):
             self.drop(name)
         self._gone.update({service.name: (self._moment, service) for service in gone})
-        for service in come:
-            if service.name in self._answers:
-                if self.to_avoid(service.name) != self._avoided[service.name]:
-                    self.drop(service.name)
+        for name in (each.name for each in come):
+            if name in self._answers and self.to_avoid(name) != self._avoided[name]:
+                self.drop(name)
 
     def step(self) -> Optional[str]:
         """Make one answer anew. Returns its service, None if all are there."""
@@ -96,17 +92,15 @@ class PlanTable:
         if name is None:
             return None
         del self._stale[name]
-        avoided = self.to_avoid(name)
+        avoided, service = self.to_avoid(name), self._needed[name]
         try:
-            service, predictor = self._needed[name], self._predictor(name)
             question = self._ontology, service, self.sources, avoided, self._method
-            plan = plan_service(*question, predictor=predictor)
-        except ShsaError as error:
-            self._answers[name] = error
-        else:
+            plan = plan_service(*question, predictor=self._predictor(name))
             self._answers[name] = plan
             for source in plan.inputs:
                 self._readers.setdefault(source.service.name, set()).add(name)
+        except ShsaError as error:
+            self._answers[name] = error
         self._avoided[name] = avoided
         self._moment += 1
         self._made.pop(name, None)
@@ -140,10 +134,8 @@ class PlanTable:
             if before != service:
                 new.append(service)
                 continue
-            for name, made in reversed(self._made.items()):
-                if made <= moment:
-                    break
-                found.append(name)
+            later = takewhile(lambda each: each[1] > moment, reversed(self._made.items()))
+            found += [name for name, _ in later]
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:

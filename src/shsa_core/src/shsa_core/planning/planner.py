@@ -1,4 +1,5 @@
 """Answers what could take a service over now; no question changes anything."""
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
@@ -177,26 +178,22 @@ class Planner:
         if safe is not None and safe.program == program:
             return safe
         tried: List[Plan] = []
-        while len(tried) < RECALLED:
-            try:
+        with suppress(ShsaError):
+            while len(tried) < RECALLED:
                 plan = self.plan(service, (), tried)
-            except ShsaError:
-                return None
-            if plan.program == program:
-                return plan
-            tried.append(plan)
+                if plan.program == program:
+                    return plan
+                tried.append(plan)
         return None
 
     def replaceable(
         self, service: Service, excluded: Collection[str], tried: Collection[Plan] = ()
     ) -> bool:
         """Tell that a substitute could take all of a service over without some nodes."""
-        if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
-            return False
-        try:
-            return not self.plan(service, excluded, tried).left_out
-        except ShsaError:
-            return False
+        if service.policy.substitutes and not self.plans.hopeless(service.name, excluded):
+            with suppress(ShsaError):
+                return not self.plan(service, excluded, tried).left_out
+        return False
 
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         """Return the best plan for a service without some nodes, but for those tried.
@@ -216,12 +213,8 @@ class Planner:
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
         """Tell that all that a plan reads is available, from the nodes that it was made for."""
-        services, excluded = self._available, set(excluded)
-        return all(
-            source.service.name in services
-            and excluded.isdisjoint(services[source.service.name].causes)
-            for source in plan.inputs
-        )
+        read, excluded = [self._available.get(e.service.name) for e in plan.inputs], set(excluded)
+        return all(each is not None and excluded.isdisjoint(each.causes) for each in read)
 
     def row(self, service: Service, plan: Optional[Plan], **more: Any) -> Substitution:
         """Return a row of the table of substitutions; `plan`: what is followed, as far as known."""
