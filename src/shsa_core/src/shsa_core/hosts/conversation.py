@@ -30,7 +30,7 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 
 
 class RemoteHost:
-    """A Host of the computer `name`. For one thread at a time.
+    """The computer `name`. For one thread at a time.
 
     `tell(event)` hears its events, HostSeen and HostLost; `publish(**fields)` sends a HostCommand;
     `ended()`: whether the agent has closed its connection, as it does when it ends. One that is
@@ -76,7 +76,7 @@ class RemoteHost:
         return tuple(self._wanted)
 
     def carry_out(self, command: HostCommand, now: float) -> None:
-        """Begin to carry out a command; see Host."""
+        """Begin to carry out a command; see CarryOut."""
         if isinstance(command, events.WatchNodes):
             self._watched = command
         elif isinstance(command, events.StartSubstitute):

@@ -108,7 +108,7 @@ class ReconfiguratorNode:
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
         host_of = self._core.robot.host_of
-        self._hosts = AllHosts(self._local, signing, self._told, host_of, arguments.host)
+        self._hosts = AllHosts(self._local.carry_out, signing, self._told, host_of, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)

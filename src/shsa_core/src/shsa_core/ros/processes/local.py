@@ -37,7 +37,7 @@ LEARNING = 2
 
 
 class LocalHost:
-    """A Host of this computer; `signs` has the heartbeats of the substitutes."""
+    """This computer; `signs` has the heartbeats of the substitutes."""
 
     def __init__(self, tell: Tell, signs: Signs, setup: Setup) -> None:
         self._tell = tell
@@ -74,7 +74,7 @@ class LocalHost:
         )
 
     def carry_out(self, command: HostCommand) -> None:
-        """Begin to carry out a command; see Host."""
+        """Begin to carry out a command; see CarryOut."""
         self._guarded(self._carry_out[type(command)], command)
 
     def hurry(self, node: str) -> None:
