@@ -22,7 +22,7 @@ def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def restarts(host: str = "pi") -> Restarts:
-    return Restarts(lambda node: None, host)
+    return Restarts(lambda node: None, lambda node, process: None, host)
 
 
 @pytest.fixture

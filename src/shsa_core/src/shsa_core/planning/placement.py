@@ -257,10 +257,7 @@ class Placement:
         return self._computers.of(host).cores or None if said is None else said
 
     def _no_room(self, host: str, inputs: List[Service], service: Service, said: bool) -> str:
-        """Return why a substitute does not fit; empty: it does, or nothing is known against it.
-
-        `said`: what counts are the limits that the SOM says, alone.
-        """
+        """Return why a substitute does not fit, `said`: by the SOM's limits; empty: it does."""
         computer, limits = self._computers.of(host), self._said(host)
         if computer.heard == -inf:
             return ""

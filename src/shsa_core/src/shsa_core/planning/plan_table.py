@@ -123,13 +123,11 @@ class PlanTable:
         return frozenset(nodes - {""})
 
     def _improved(self, come: Iterable[Service]) -> List[str]:
-        """Return the needed services that may have a better plan now.
-
-        A service that is back as it was concerns only those whose plan was made without it.
-        """
+        """Return the needed services that may have a better plan now."""
         found: List[str] = []
         new: List[Service] = []
         for service in come:
+            # One that is back as it was concerns only those whose plan was made without it.
             moment, before = self._gone.pop(service.name, (0, None))
             if before != service:
                 new.append(service)

@@ -169,10 +169,7 @@ class Planner:
             self.plans.drop(self.calibrations.replan.pop())
 
     def recall(self, service: Service, row: Substitution) -> Optional[Plan]:
-        """Return the plan that a row of the table carries out, by the models as they are now.
-
-        None: it is none of the best, or none at all.
-        """
+        """Return the plan that a row carries out; None: it is none of the best ones now."""
         program = program_of(row)
         safe = safe_values(service)
         if safe is not None and safe.program == program:
@@ -196,10 +193,7 @@ class Planner:
         return False
 
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
-        """Return the best plan for a service without some nodes, but for those tried.
-
-        Raises ShsaError.
-        """
+        """Return the best plan without some nodes, but for those tried. Raises ShsaError."""
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready

@@ -81,10 +81,7 @@ class AgentNode:
             return self._end.session > 0 and not self._end.is_open(clock.now())
 
     def _watch_master(self) -> None:
-        """Look now and then whether the master knows us, if no reconfigurator is heard.
-
-        One that was restarted with the master does not find us, and cannot tell the master of us.
-        """
+        """Look now and then if the master knows us: a reconfigurator that follows must find us."""
         us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
         while not self._forgotten.is_set() and kernel.started_by_launch(os.getpid()):
             rospy.rostime.wallsleep(settings.LOOK_S)
@@ -96,11 +93,7 @@ class AgentNode:
 
     def _received(self, message: msg.HostCommand) -> None:
         with self._lock:
-            former = self._end.session
             wanted = self._end.hear(message, clock.now())
-            begun = self._end.session != former
-        if begun:
-            self._beat()
         if wanted:
             try:
                 self._host.carry_out(read(COMMANDS, message.command, rospy.get_name()))

@@ -1,7 +1,4 @@
-"""Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
-
-Which user a process is of, whether it has ended, stopped or waits; see also `trust/owners`.
-"""
+"""Asks the kernel about processes: nobody on the graph can forge that (see `trust/owners` too)."""
 import os
 import signal
 import time
@@ -153,10 +150,7 @@ def _status(process: psutil.Process) -> Optional[str]:
 
 
 def waited(pid: int) -> float:
-    """Return for how long in s the threads of a process could run and had no processor so far.
-
-    0 where the kernel does not tell: see its documentation of schedstat.
-    """
+    """Return for how long in s the threads of a process had no processor (see schedstat)."""
     total = 0
     with suppress(OSError, ValueError, IndexError):  # it, or a thread of it, has ended meanwhile
         for task in os.listdir(f"/proc/{pid}/task"):

@@ -1,12 +1,10 @@
 """Launches: which one has started a node, and that one is ending.
 
-While one is ending nodes stop on purpose, and nothing is to be healed.
-
-roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
-healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
-down before it signals anybody, at Ctrl-C as well as when its terminal is closed, and that log is
-open in the parent process of its nodes for us to find. Where it cannot be read, our own signal is
-the first sign, and for nodes of others there is none.
+While one is ending nodes stop on purpose, and nothing is to be healed. roslaunch signals its nodes
+ten at a time, in no certain order: a healthy node may be gone seconds before we are told to go. It
+writes to its log that it shuts down before it signals anybody, and that log is open in the parent
+process of its nodes. Where it cannot be read, our own signal is the first sign, and for nodes of
+others there is none.
 
 Two nodes of one name would end each other for ever: the master shuts the older one down, and its
 launch starts it again. So it is looked before anything is registered.

@@ -23,7 +23,7 @@ from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resol
 from shsa_core.ros.processes import kernel, priority
 from shsa_core.ros.processes.heartbeats import Signs
 from shsa_core.ros.processes.nodes import Nodes, protection
-from shsa_core.ros.processes.restarting import ComingUp, Restarts
+from shsa_core.ros.processes.restarting import Restarts
 from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_core.ros.processes.watching import Life
 from shsa_core.ros.trust.owners import listener
@@ -50,8 +50,7 @@ class LocalHost:
             setup,
         )
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
-        self.restarts = Restarts(ended, setup.host)
-        self._coming_up = ComingUp(self.restarts.started_again, self._came_up)
+        self.restarts = Restarts(ended, self._came_up, setup.host)
         Life(signs, lambda node: node.startswith(setup.prefix), tell)
         self._stops = stops = Workers("stop", settings.MOST_CALLS)
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
@@ -59,7 +58,7 @@ class LocalHost:
             HostCommand,
             {
                 events.LearnNode: by("learn", self._learn, LEARNING),
-                events.WatchNodes: by("watch", lambda c: self._coming_up.watch(c.nodes)),
+                events.WatchNodes: lambda c: self.restarts.watch(c.nodes),
                 events.FindNode: by("find", self._find),
                 events.AskToLeave: by("ask to leave", self._ask_to_leave),
                 events.EndProcess: by("end process", self._end_process),
@@ -224,10 +223,7 @@ def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
 
 
 def clear(nodes: Nodes, node: str) -> bool:
-    """Clear what a dead node left registered at the master, and nothing of a successor.
-
-    False: it was no publisher any more, and so had unregistered itself.
-    """
+    """Clear what a dead node left registered; False: it had unregistered itself as a publisher."""
     known = nodes.forget(node)
     if known is not None and known.process is not None and known.lives:
         return True
@@ -260,10 +256,7 @@ def _refuses(uri: str) -> bool:
 
 
 def _unregister(node: str, uri: str) -> bool:
-    """Unregister (node, uri) everywhere; a successor with the same name has another uri.
-
-    Return whether the node was a publisher. Raises one of FAILURES if the master does not answer.
-    """
+    """Unregister (node, uri), not a successor at another uri; return whether it was a publisher."""
     master = master_api(node)
     publishers, subscribers, services = master.getSystemState()
     for rows, unregister in (

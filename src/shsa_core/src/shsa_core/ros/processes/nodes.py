@@ -196,10 +196,7 @@ class Nodes:
         return known
 
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
-        """Return why this may not be the node that failed; None: there is no doubt.
-
-        Raises one of FAILURES if the master does not answer.
-        """
+        """Return why this may not be the node that failed. Raises one of FAILURES: no master."""
         if known.ours or (known.learned and topic in known.topics):
             return None
         why = kernel.never_to_end(known.process) if known.process is not None else ""
@@ -248,11 +245,8 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
 
 
 def _is_required(node: str, process: psutil.Process) -> bool:
-    """Return whether the roslaunch that has started a node ends with it.
-
-    That is its parent: by `/roslaunch/uris`, where anybody writes, a stranger could be asked.
-    """
-    try:
+    """Return whether the roslaunch that has started a node ends with it."""
+    try:  # its parent is asked: at `/roslaunch/uris`, where anybody writes, a stranger may be
         rows = psutil.Process(process.ppid()).connections("tcp")
     except (psutil.Error, OSError):
         return False

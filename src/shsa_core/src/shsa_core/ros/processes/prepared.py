@@ -89,9 +89,9 @@ def _begin(order: Dict[str, Any]) -> None:
 
 
 def _rename(words: List[str]) -> None:
-    """Show these words as our command line, the last one first: that is the name of the node.
+    """Show words as our command line, by which others know us. Raises OSError: no room for them.
 
-    By them others know us once our parent is gone. Raises OSError if they do not fit.
+    The last one comes first: that is the name of the node.
     """
     with open("/proc/self/stat", "rb") as stat:
         start, end = (int(each) for each in stat.read().rsplit(b")", 1)[1].split()[45:47])

@@ -1,10 +1,8 @@
 """The priority of healing's processes, and of all their threads.
 
-What stands by comes after the robot's own nodes: it may have hundreds of threads where the robot
-has hundreds of topics. What is on the way from a failure to the next message comes before all,
-where that is permitted: to root, or by the user's limit `nice` (see limits.conf).
-
-Where each session has its own share (`man 7 sched`, "The autogroup feature"), as on a desktop, the
+What stands by comes after the robot's own nodes. What is on the way from a failure to the next
+message comes before all, where that is permitted: to root, or by the user's limit `nice` (see
+limits.conf). Where each session has its own share (`man 7 sched`, "The autogroup feature"), the
 priority of a process counts within its session alone: so that of the session is set as well.
 """
 import os

@@ -48,19 +48,29 @@ class _Start:
 
 
 class Restarts:
-    """Learns from the process of each healthy node how it was started.
+    """Learns from the process of each healthy node how it was started, and starts it again.
 
-    `starter_ended(node)` is called while a restarted node still runs, and the process that started
-    it first has ended. `host`: the name of the agent that we are part of.
+    Tells, in a thread: `starter_ended(node)` while a restarted node still runs, and the process
+    that started it first has ended; `came(node, process)` once that has started a node again that
+    is awaited, long before any consumer hears it. `host`: the name of the agent that we are.
     """
 
-    def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
-        self._starter_ended = starter_ended
+    def __init__(
+        self,
+        starter_ended: Callable[[str], None],
+        came: Callable[[str, psutil.Process], None],
+        host: str = "",
+    ) -> None:
+        self._awaited: Sequence[str] = ()
+        self.children = Children(lambda node, status: None)
+        self._starter_ended, self._came = starter_ended, came
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._lock = threading.Lock()
-        self.children = Children(lambda node, status: None)
-        threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
+        threading.Thread(target=self._work, name="restarts", daemon=True).start()
+
+    def watch(self, nodes: Sequence[str]) -> None:
+        """Await these nodes from now on, and no others."""
+        self._awaited = nodes
 
     def learn(self, node: str, process: psutil.Process) -> None:
         """Remember how the process of a healthy node was started, which is of our own user."""
@@ -74,18 +84,13 @@ class Restarts:
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
-        with self._lock:
-            if self.children.process(node) == process:  # we started it
-                start = replace(start, starter=self._starts[node].starter)
-            self._starts[node] = start
+        if self.children.process(node) == process:  # we started it
+            start = replace(start, starter=self._starts[node].starter)
+        self._starts[node] = start
 
-    def started_again(self, node: str) -> Optional[psutil.Process]:
-        """Return the process that a node's starter has started with the same command.
-
-        None: there is none of our user, or that cannot be told.
-        """
-        with self._lock:
-            start = self._starts.get(node)
+    def _started_again(self, node: str) -> Optional[psutil.Process]:
+        """Return the process of ours that a node's starter has started with the same command."""
+        start = self._starts.get(node)
         if start is None or ended(start.starter):
             return None
         for pid in _children(start.starter[0]):
@@ -115,12 +120,8 @@ class Restarts:
         return taken
 
     def start(self, node: str) -> psutil.Process:
-        """Start a node again and return its process.
-
-        Raises ShsaError if its start was never seen, OSError if it cannot be made.
-        """
-        with self._lock:
-            start = self._starts.get(node)
+        """Start a node again. Raises ShsaError if its start was never seen, OSError."""
+        start = self._starts.get(node)
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
@@ -133,52 +134,24 @@ class Restarts:
 
         Or, if we are `ending`, is our own starter: it ends us, and so all that it has started.
         """
-        running, ours = self.children.running(), identity(os.getppid())
-        with self._lock:
-            starters = {node: self._starts[node].starter for node in running}
+        starters = {node: self._starts[node].starter for node in self.children.running()}
+        ours = identity(os.getppid())
         over = lambda first: ended(first) or (ending and first == ours)
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
-        with self._lock:
-            self._starts[node] = start
+        self._starts[node] = start
         self.children.keep(node, process)
 
-    def _watch_starters(self) -> None:
-        while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(settings.LOOK_S)
-            for node in self.abandoned():
-                self._starter_ended(node)
-
-
-class ComingUp:
-    """Tells when nodes come up again, long before they register and any consumer hears them.
-
-    `started(node)` finds the process that was started again as a node was before; `came(node,
-    process)` is called once for each, in a thread.
-    """
-
-    def __init__(
-        self,
-        started: Callable[[str], Optional[psutil.Process]],
-        came: Callable[[str, psutil.Process], None],
-    ) -> None:
-        self._started, self._came = started, came
-        self._nodes: Sequence[str] = ()
-        self._wanted = threading.Event()
-        threading.Thread(target=self._look, name="coming up", daemon=True).start()
-
-    def watch(self, nodes: Sequence[str]) -> None:
-        """Look for these nodes from now on."""
-        self._nodes = nodes
-        self._wanted.set() if nodes else self._wanted.clear()
-
-    def _look(self) -> None:
+    def _work(self) -> None:
         told: Dict[str, psutil.Process] = {}
-        while self._wanted.wait():
-            for node in self._nodes:
-                process = self._started(node)
+        while not rospy.is_shutdown():
+            time.sleep(settings.TICK_S)
+            for node in self._awaited:
+                process = self._started_again(node)
                 if process is not None and process != told.get(node):
                     told[node] = process
                     self._came(node, process)
-            time.sleep(settings.TICK_S)
+            for node in self.abandoned():
+                self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
+                self._starter_ended(node)

@@ -99,10 +99,7 @@ class Substitutes:
             self.forking = Forking(run, self._variables, setup.types, setup.ready)
 
     def start(self, command: StartSubstitute) -> None:
-        """Start a muted substitute, idle without a program.
-
-        Raises OSError if the process cannot be made.
-        """
+        """Start a muted substitute, idle without a program. Raises OSError if that fails."""
         node, program = command.node, command.program
         executable, words = "standby", [NAME + node.rsplit("/", 1)[1]]
         own: Dict[str, str] = {}
@@ -123,11 +120,7 @@ class Substitutes:
         self._keep(node, process, slot)
 
     def take_up(self) -> List[str]:
-        """Make ours the substitutes of this master and agent that run, and return them.
-
-        The system is asked and not the master: one that was just started is not registered, and
-        one that hangs does not answer.
-        """
+        """Make ours the substitutes of this master and agent that run, registered or not."""
         found: List[str] = []
         for each in robot_processes():
             ours = each.variables.get(HOST, "") == self._setup.host
@@ -155,10 +148,7 @@ class Substitutes:
 
 
 def wrapper(sandbox: Sequence[str]) -> List[str]:
-    """Return the words before a substitute's command: its limits, no new rights, a `sandbox`.
-
-    Raises ShsaError if there is no such program.
-    """
+    """Return what confines a command. Raises ShsaError if there is no such program."""
     if sandbox and shutil.which(sandbox[0]) is None:
         raise ShsaError(f"there is no program {sandbox[0]} to run the substitutes in")
     limits = (f"--{name}={_lowered(name)}" for name in LIMITS)
@@ -207,10 +197,7 @@ class Forking:
         self._thread.start()
 
     def start(self, words: List[str], variables: Mapping[str, str]) -> Optional[psutil.Process]:
-        """Fork a process that has these words as its command line; None: that cannot be done now.
-
-        `variables`: its environment beside the one that all have.
-        """
+        """Fork a process with a command line and `variables`; None: that cannot be done now."""
         order = json.dumps({"words": words, "variables": variables}).encode()
         with self._lock:
             line, process = self._line, self._process

@@ -84,13 +84,9 @@ class Companion:
     """Watches the other healer by its heartbeats, and sends ours.
 
     A launch restarts a healer that died, not one that hangs. That is named, and ended if a
-    launch starts it again: its heartbeats come with its process number from the kernel, so nobody
-    is ended for another. They never end each other: the one that ends must be at work, and so it is
-    heard; and the monitor waits longer than the reconfigurator.
-
-    Args:
-        role: the other one: its node's name, and the hearer of our heartbeats.
-        signs: what was heard for us.
+    launch starts it again. They never end each other: the one that ends must be at work, and so it
+    is heard; and the monitor waits longer than the reconfigurator. `role`: the other one's name,
+    and the hearer of our heartbeats; `signs`: what was heard for us.
     """
 
     def __init__(self, role: str, signs: Signs) -> None:
