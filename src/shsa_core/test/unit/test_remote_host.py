@@ -27,7 +27,6 @@ class Cable:
         self.whole = True
         self.now = 100.0
         self.running: List[str] = []
-        self.restarted: List[str] = []
         self.host = RemoteHost("pi", self.told.append, self.command, PATIENCE, RETURNS)
         self.agent = AgentEnd(PATIENCE)
 
@@ -45,7 +44,6 @@ class Cable:
                     heard=self.agent.heard,
                     event=text,
                     running=self.running,
-                    restarted=self.restarted,
                     load=0.5,
                     cores=4.0,
                 ),
@@ -105,7 +103,7 @@ def test_after_a_loss_both_begin_anew_and_what_is_not_wanted_is_stopped(
     cable.whole = True
     cable.pass_time(0.5)
     assert cable.agent.session > session and cable.host.is_reached
-    assert cable.done.count(events.StopSubstitute(node)) == 1
+    assert cable.done.count(events.StopNode(node)) == 1
     assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
     cable.pass_time(2.0)
     assert not cable.take(events.HostLost) and cable.host.is_quiet
@@ -257,12 +255,12 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
     cable.pass_time(2.0)
     cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)
     cable.host.carry_out(events.StopNode("/a"), cable.now)
-    cable.running, cable.restarted = [SUBSTITUTE.node, kept.node], ["/a"]
+    cable.running = [SUBSTITUTE.node, kept.node, "/a"]
     cable.whole = True
     cable.done.clear()
     cable.pass_time(0.5)
     stops = [each for each in cable.done if not isinstance(each, events.WatchNodes)]
-    assert stops == [events.StopSubstitute(SUBSTITUTE.node), events.StopNode("/a")]
+    assert stops == [events.StopNode("/a"), events.StopNode(SUBSTITUTE.node)]
     assert [each.node for each in cable.take(events.ProcessExited)] == [ended.node]
 
 

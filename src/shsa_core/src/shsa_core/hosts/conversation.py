@@ -7,7 +7,7 @@ nothing. Times in s, on one clock.
 """
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Callable, Dict, Mapping, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple, Type
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
@@ -56,9 +56,8 @@ class RemoteHost:
         self.is_reached = self._left = self._settled = False
         self._lost = True  # as far as anybody was told
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
-        # What is to run there, what was found to run there, and how each is stopped.
-        self._wanted: Dict[str, HostCommand] = {}
-        self._found: Dict[str, HostCommand] = {}
+        self._wanted: Set[str] = set()  # the nodes that are to run there
+        self._found: Set[str] = set()  # those that were found to
         self._watched = events.WatchNodes(())
         self.seen: Optional[events.HostSeen] = None
         self._clock = Watch()
@@ -72,19 +71,17 @@ class RemoteHost:
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
-        self._wanted.update(self._found)
-        return tuple(self._wanted)
+        self._wanted |= self._found
+        return tuple(sorted(self._wanted))
 
     def carry_out(self, command: HostCommand, now: float) -> None:
         """Begin to carry out a command; see CarryOut."""
         if isinstance(command, events.WatchNodes):
             self._watched = command
-        elif isinstance(command, events.StartSubstitute):
-            self._wanted[command.node] = events.StopSubstitute(command.node)
-        elif isinstance(command, events.RestartNode):
-            self._wanted[command.node] = events.StopNode(command.node)
+        elif isinstance(command, (events.StartSubstitute, events.RestartNode)):
+            self._wanted.add(command.node)
         elif isinstance(command, (events.StopSubstitute, events.StopNode)):
-            self._wanted.pop(command.node, None)
+            self._wanted.discard(command.node)
         if self.is_reached:
             self._send(command)
         else:
@@ -145,19 +142,18 @@ class RemoteHost:
     def _reach(self, message: Message, now: float) -> None:
         """Both ends hear each other from now on."""
         self.is_reached, self._lost = True, False
-        self._found = {node: events.StopSubstitute(node) for node in message.running}
-        self._found.update({node: events.StopNode(node) for node in message.restarted})
+        self._found = set(message.running)
         self._send(self._watched)
         if self._settled:
             self._reconcile(now)
 
     def _reconcile(self, now: float) -> None:
-        """Stop what runs there and is not wanted; tell of wanted substitutes that do not run."""
-        for node in [each for each in self._wanted if each not in self._found]:
-            if isinstance(self._wanted.pop(node), events.StopSubstitute):
-                self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
-        for node in [each for each in self._found if each not in self._wanted]:
-            self._send(self._found[node])
+        """Stop what runs there and is not wanted; tell of what is wanted and does not run."""
+        for node in sorted(self._wanted - self._found):
+            self._wanted.discard(node)
+            self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
+        for node in sorted(self._found - self._wanted):
+            self._send(events.StopNode(node))
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
         """Return an event by our clock; nothing waits for it any more."""
@@ -165,7 +161,7 @@ class RemoteHost:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
-            self._wanted.pop(event.node, None)
+            self._wanted.discard(event.node)
         return replace(event, time=now)
 
     def _answer(self, command: HostCommand, now: float, why: str) -> None:
@@ -173,7 +169,7 @@ class RemoteHost:
         if isinstance(command, events.FindNode):
             event = events.NodeFound(now, command.node, Where.UNREACHABLE, why)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
-            self._wanted.pop(event.node, None)
+            self._wanted.discard(event.node)
         if event is not None:
             self._tell(event)
 

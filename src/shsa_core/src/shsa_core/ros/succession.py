@@ -45,17 +45,16 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
     path = record_path(rospy.get_namespace())
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
-    running = [*host.take_up(), *elsewhere]
+    restarted = host.restarts.take_up()
+    running = [*host.substitutes.take_up(), *restarted, *elsewhere]
     records: Tuple[Any, ...] = former.records
     if former.owner.get("boot") != owner["boot"]:
         records = of_this_robot(records, False, ())  # its moments are of another clock
     records = of_this_robot(records, former.owner.get("run") == owner["run"], running)
     # What was started again on this computer is told by its mark, and not by a record.
-    records = tuple(
-        each for each in records if not isinstance(each, RestartedNode) or each.node in elsewhere
-    )
-    for node in host.restarts.children.running():
-        records += (RestartedNode(node),)
+    here = lambda record: isinstance(record, RestartedNode) and record.node not in elsewhere
+    records = tuple(each for each in records if not here(each))
+    records += tuple(RestartedNode(node) for node in restarted)
     publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
     nodes = {node for _, node in publishers}
     started = events.Started(

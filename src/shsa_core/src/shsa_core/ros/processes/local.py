@@ -49,10 +49,12 @@ class LocalHost:
             lambda node: clearing.put(lambda: clear(self.nodes, node)),
             setup,
         )
+        self.children = self.substitutes.children
         ended = lambda node: tell(events.StarterEnded(clock.now(), node))
-        self.restarts = Restarts(ended, self._came_up, setup.host)
+        self.restarts = Restarts(self.children, ended, self._came_up, setup.host)
         Life(signs, lambda node: node.startswith(setup.prefix), tell)
-        self._stops = stops = Workers("stop", settings.MOST_CALLS)
+        self._stops = Workers("stop", settings.MOST_CALLS)
+        stop = self._by(self._stops, lambda c: self.children.stop(c.node))
         by = lambda name, work, most=settings.MOST_CALLS: self._by(Workers(name, most), work)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             HostCommand,
@@ -64,11 +66,9 @@ class LocalHost:
                 events.EndProcess: by("end process", self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
-                events.StopSubstitute: self._by(
-                    stops, lambda c: self.substitutes.children.stop(c.node)
-                ),
+                events.StopSubstitute: stop,
                 events.RestartNode: self._restart,
-                events.StopNode: self._by(stops, lambda c: self.restarts.children.stop(c.node)),
+                events.StopNode: stop,
             },
         )
 
@@ -78,7 +78,7 @@ class LocalHost:
 
     def hurry(self, node: str) -> None:
         """Have a substitute come before others, also to hear that it is to publish."""
-        process = self.substitutes.children.process(node)
+        process = self.children.process(node)
         if process is not None:
             priority.set_all(priority.HURRIES, process.pid)
 
@@ -88,9 +88,8 @@ class LocalHost:
 
     def stop_all(self) -> None:
         """Stop the substitutes, and the nodes that would have ended with us; wait for that."""
-        for node in self.substitutes.children.running():
-            self.carry_out(events.StopSubstitute(node))
-        for node in self.restarts.abandoned(ending=True):
+        ours = [node for node in self.children.running() if node.startswith(self.prefix)]
+        for node in (*ours, *self.restarts.abandoned(ending=True)):
             self.carry_out(events.StopNode(node))
         self.await_stops()
 

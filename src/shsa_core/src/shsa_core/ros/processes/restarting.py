@@ -57,13 +57,13 @@ class Restarts:
 
     def __init__(
         self,
+        children: Children,
         starter_ended: Callable[[str], None],
         came: Callable[[str, psutil.Process], None],
         host: str = "",
     ) -> None:
         self._awaited: Sequence[str] = ()
-        self.children = Children(lambda node, status: None)
-        self._starter_ended, self._came = starter_ended, came
+        self._children, self._starter_ended, self._came = children, starter_ended, came
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
         threading.Thread(target=self._work, name="restarts", daemon=True).start()
@@ -84,7 +84,7 @@ class Restarts:
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
-        if self.children.process(node) == process:  # we started it
+        if self._children.process(node) == process:  # we started it
             start = replace(start, starter=self._starts[node].starter)
         self._starts[node] = start
 
@@ -134,14 +134,15 @@ class Restarts:
 
         Or, if we are `ending`, is our own starter: it ends us, and so all that it has started.
         """
-        starters = {node: self._starts[node].starter for node in self.children.running()}
+        running = filter(self._starts.__contains__, self._children.running())
+        starters = {node: self._starts[node].starter for node in running}
         ours = identity(os.getppid())
         over = lambda first: ended(first) or (ending and first == ours)
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
         self._starts[node] = start
-        self.children.keep(node, process)
+        self._children.keep(node, process)
 
     def _work(self) -> None:
         told: Dict[str, psutil.Process] = {}

@@ -136,7 +136,8 @@ class Substitutes:
         self.children.keep(node, process)
 
     def _over(self, node: str, status: Optional[Status]) -> None:
-        del self._slots[node]
+        if self._slots.pop(node, None) is None:
+            return  # it is a node that was started again
         if status is not None:
             self._ended(node, f"exit status {status}")
         self._cleared(node)
