@@ -196,7 +196,7 @@ class AnyRobot(RuleBasedStateMachine):
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
-                    planner.inputs(plan),
+                    planner.signals(plan.inputs),
                     plan.program.code,
                     planner.outputs(plan),
                     plan.relations,

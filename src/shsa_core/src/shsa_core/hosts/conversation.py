@@ -157,9 +157,9 @@ class RemoteHost:
 
     def _ours(self, event: HostEvent, now: float) -> HostEvent:
         """Return an event by our clock; nothing waits for it any more."""
-        for command in [each for each in self._waits if each[1] == event.node]:
-            if isinstance(event, ANSWERS[command[0]]):
-                del self._waits[command]
+        for kind, answers in ANSWERS.items():
+            if isinstance(event, answers):
+                self._waits.pop((kind, event.node), None)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
             self._wanted.discard(event.node)
         return replace(event, time=now)
@@ -168,10 +168,8 @@ class RemoteHost:
         event = not_done(command, now, why)
         if isinstance(command, events.FindNode):
             event = events.NodeFound(now, command.node, Where.UNREACHABLE, why)
-        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
-            self._wanted.discard(event.node)
         if event is not None:
-            self._tell(event)
+            self._tell(self._ours(event, now))
 
     def _send(self, command: HostCommand) -> None:
         if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:

@@ -1,5 +1,4 @@
 """The plans that are made before they are needed."""
-from itertools import takewhile
 from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
 from shsa_core.codegen.prediction import Predictor
@@ -35,9 +34,8 @@ class PlanTable:
         self._publishers: Dict[str, str] = {}  # the node that published a service last
         self._answers: Dict[str, Union[Plan, ShsaError]] = {}
         self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
-        self._made: Dict[str, int] = {}  # when an answer was made, the latest last
-        self._gone: Dict[str, Tuple[int, Service]] = {}  # when a service went
-        self._moment = 0
+        # Services that went, and whose answers were made since.
+        self._gone: Dict[str, Tuple[Service, Set[str]]] = {}
         self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
         self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
         self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
@@ -81,7 +79,7 @@ class PlanTable:
         read = {name for service in gone for name in self._readers.get(service.name, ())}
         for name in (*sorted(read), *self._improved(come)):
             self.drop(name)
-        self._gone.update({service.name: (self._moment, service) for service in gone})
+        self._gone.update({service.name: (service, set()) for service in gone})
         for name in (each.name for each in come):
             if name in self._answers and self.to_avoid(name) != self._avoided[name]:
                 self.drop(name)
@@ -102,9 +100,8 @@ class PlanTable:
         except ShsaError as error:
             self._answers[name] = error
         self._avoided[name] = avoided
-        self._moment += 1
-        self._made.pop(name, None)
-        self._made[name] = self._moment
+        for _, made in self._gone.values():
+            made.add(name)
         return name
 
     def plan(self, name: str) -> Optional[Plan]:
@@ -127,13 +124,11 @@ class PlanTable:
         found: List[str] = []
         new: List[Service] = []
         for service in come:
-            # One that is back as it was concerns only those whose plan was made without it.
-            moment, before = self._gone.pop(service.name, (0, None))
-            if before != service:
+            gone = self._gone.pop(service.name, None)
+            if gone and gone[0] == service:  # then it concerns only whose plan was made meanwhile
+                found += sorted(gone[1])
+            else:
                 new.append(service)
-                continue
-            later = takewhile(lambda each: each[1] > moment, reversed(self._made.items()))
-            found += [name for name, _ in later]
         return found + self._derived_from(new)
 
     def _derived_from(self, services: Iterable[Service]) -> List[str]:
@@ -154,7 +149,6 @@ class PlanTable:
     def drop(self, name: str) -> None:
         """Make the answer for a service anew, if there is one."""
         answer = self._answers.pop(name, None)
-        self._made.pop(name, None)
         if answer is not None:
             self._stale[name] = None
         if isinstance(answer, Plan):

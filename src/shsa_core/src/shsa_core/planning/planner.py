@@ -216,7 +216,9 @@ class Planner:
         if plan is None:
             outputs = self.signals(service.sources, written=True)
             return Substitution(inputs=(), code="", outputs=outputs, **more)
-        more.update(relations=plan.relations, quality=plan.quality, inputs=self.inputs(plan))
+        more.update(
+            relations=plan.relations, quality=plan.quality, inputs=self.signals(plan.inputs)
+        )
         return Substitution(code=plan.program.code, outputs=self.outputs(plan), **more)
 
     def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
@@ -233,10 +235,6 @@ class Planner:
             "quality": plan.quality if plan and computes else None,
             "errors": tuple([each.error for each in outputs]),
         }
-
-    def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
-        """Return what the program of a plan reads."""
-        return self.signals(plan.inputs)
 
     def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what its program gives, with gain, offset and error as the living sensor shows."""

@@ -6,7 +6,7 @@ the reconfigurator and the boot, and needs no ROS master.
 import os
 import re
 from contextlib import suppress
-from typing import Any, Collection, NamedTuple, Set, Tuple
+from typing import Collection, NamedTuple, Set, Tuple
 
 import rospkg
 import rospy
@@ -47,10 +47,9 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
     former = _read(path)
     restarted = host.restarts.take_up()
     running = [*host.substitutes.take_up(), *restarted, *elsewhere]
-    records: Tuple[Any, ...] = former.records
-    if former.owner.get("boot") != owner["boot"]:
-        records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == owner["run"], running)
+    same_boot = former.owner.get("boot") == owner["boot"]  # moments of another: of another clock
+    runs = running if same_boot else ()
+    records = of_this_robot(former.records, former.owner == owner, runs)
     # What was started again on this computer is told by its mark, and not by a record.
     here = lambda record: isinstance(record, RestartedNode) and record.node not in elsewhere
     records = tuple(each for each in records if not here(each))
@@ -85,20 +84,16 @@ def _read(path: str) -> Former:
         return read_records(path, CODEC)
     except ShsaError as error:
         rospy.logerr("Refused: %s. Healing begins without these records.", error)
-        try:
+        with suppress(OSError):  # then they are overwritten
             os.replace(path, path + ".refused")
-        except OSError as problem:
-            rospy.logerr("%s cannot be put aside: %s", path, problem)
         return Former({}, ())
 
 
 def record_path(namespace: str, kind: str = "records") -> str:
     """Return a file of this master and namespace, in a folder that is made if it is not there."""
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
-    try:
+    with suppress(OSError):  # who writes into it says so
         os.makedirs(folder, 0o700, exist_ok=True)
-    except OSError as error:
-        rospy.logerr("%s cannot be made: %s", folder, error)
     name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{master_place()}/{namespace}").strip("-")
     return os.path.join(folder, f"{name}.{kind}")
 

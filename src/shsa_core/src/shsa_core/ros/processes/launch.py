@@ -14,6 +14,7 @@ import re
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import BinaryIO, Callable, Dict, List, Optional, Set, Tuple
 
 import rosgraph
@@ -119,15 +120,12 @@ class Launches:
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
     """Return the nearest roslaunch that a process descends from, and its log."""
     for ancestor in (each.pid for each in kernel.ancestors(pid)):
-        name = re.compile(rf"/[^/]*-{ancestor}\.log$")
         folder = f"/proc/{ancestor}/fd"
-        try:
+        with suppress(OSError):  # it is somebody else's process, or gone
             files = [os.readlink(f"{folder}/{each}") for each in os.listdir(folder)]
-            found = next((file for file in files if name.search(file)), None)
-            if found is not None:
-                return ancestor, _LaunchLog(found)
-        except OSError:
-            continue  # it is somebody else's process, or gone
+            for file in files:
+                if re.search(rf"/[^/]*-{ancestor}\.log$", file):
+                    return ancestor, _LaunchLog(file)
     return None
 
 
@@ -153,12 +151,12 @@ def await_turn(name: str) -> None:
         sys.exit(text)
     print(f"{text} It takes its place once that has ended: rosnode kill {full}", file=sys.stderr)
     gone = 0
-    try:
+    with suppress(KeyboardInterrupt):
         while gone < GONE_LOOKS:
             time.sleep(settings.LOOK_S)
             gone = gone + 1 if find_other(full) is None else 0
-    except KeyboardInterrupt:
-        sys.exit(0)
+        return
+    sys.exit(0)
 
 
 def find_other(node: str) -> Optional[str]:

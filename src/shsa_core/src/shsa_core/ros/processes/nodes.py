@@ -14,18 +14,8 @@ import rospy
 
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import (
-    FAILURES,
-    Address,
-    located,
-    master_api,
-    node_api,
-    pid,
-    resolved,
-    topics,
-    uri_at,
-    uri_of,
-)
+from shsa_core.ros.master.node_api import FAILURES, Address, located, master_api, node_api, pid
+from shsa_core.ros.master.node_api import resolved, topics, uri_at, uri_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import answers_at, is_local, listener, listening
 
