@@ -1,6 +1,8 @@
 """The plans that are made before they are needed."""
 from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
+import networkx as nx
+
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
@@ -37,12 +39,6 @@ class PlanTable:
         # Services that went, and whose answers were made since.
         self._gone: Dict[str, Tuple[Service, Set[str]]] = {}
         self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
-        self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
-        self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
-        network = ontology.network
-        for function, output in enumerate(network.outputs):
-            for input_ in network.inputs[function]:
-                self._users.setdefault(input_, []).append(output)
         for service in needed:
             self.serve(service)
 
@@ -56,17 +52,12 @@ class PlanTable:
         self.forget(service.name)
         self._needed[service.name] = service
         self._stale[service.name] = None
-        for name in service.properties:
-            number = self._ontology.network.number(name)
-            self._of_property.setdefault(number, set()).add(service.name)
 
     def forget(self, name: str) -> None:
         """Make no more plans for a service."""
         self.drop(name)
         self._stale.pop(name, None)
-        old = self._needed.pop(name, None)
-        for property_ in old.properties if old else ():
-            self._of_property[self._ontology.network.number(property_)].discard(name)
+        self._needed.pop(name, None)
 
     def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
         """Note that some services are available no more, and some are now."""
@@ -120,31 +111,18 @@ class PlanTable:
         return frozenset(nodes - {""})
 
     def _improved(self, come: Iterable[Service]) -> List[str]:
-        """Return the needed services that may have a better plan now."""
-        found: List[str] = []
-        new: List[Service] = []
+        """Return the services whose answer may be a better plan now."""
+        graph, found = self._ontology.graph, set()
+        reached: Set[str] = set()  # the properties that are derived from what has come
         for service in come:
             gone = self._gone.pop(service.name, None)
             if gone and gone[0] == service:  # then it concerns only whose plan was made meanwhile
-                found += sorted(gone[1])
-            else:
-                new.append(service)
-        return found + self._derived_from(new)
-
-    def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """Return the needed services of properties that are derived from what services provide."""
-        numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
-        stack = list(dict.fromkeys(numbers))
-        seen = set(stack)
-        found: Dict[str, None] = {}
-        while stack:
-            number = stack.pop()
-            found.update(dict.fromkeys(sorted(self._of_property.get(number, ()))))
-            for output in self._users.get(number, ()):
-                if output not in seen:
-                    seen.add(output)
-                    stack.append(output)
-        return list(found)
+                found |= gone[1]
+                continue
+            for name in set(service.properties) - reached if self._answers else ():
+                reached |= {name, *(nx.descendants(graph, name) if name in graph else ())}
+        needed = ((name, self._needed[name].properties) for name in self._answers)
+        return sorted(found | {name for name, each in needed if not reached.isdisjoint(each)})
 
     def drop(self, name: str) -> None:
         """Make the answer for a service anew, if there is one."""

@@ -41,7 +41,6 @@ from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.processes.starting import Setup
-from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
@@ -81,7 +80,7 @@ class ReconfiguratorNode:
             "settings": settings,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
-            "restarts": may_restart(arguments.restart_as_root),
+            "restarts": arguments.restart_as_root or os.geteuid() != 0,
             "host": arguments.host,
         }
         if not setup["restarts"]:

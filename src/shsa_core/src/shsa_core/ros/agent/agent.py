@@ -27,7 +27,6 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import Signs, hearer
 from shsa_core.ros.processes.local import LocalHost
-from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
@@ -51,7 +50,7 @@ class AgentNode:
         self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
-        restarts = may_restart(arguments.restart_as_root)
+        restarts = arguments.restart_as_root or os.geteuid() != 0
         signs = Signs(hearer(self._name), cut_off=self._cut_off)
         how = Setup(prefix, signing.path, *given, forks=True, restarts=restarts)
         self._host = LocalHost(self._tell, signs, how)

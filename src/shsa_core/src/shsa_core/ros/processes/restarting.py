@@ -25,11 +25,6 @@ MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
 
-def may_restart(as_root: bool) -> bool:
-    """Return whether nodes are started again by our user; `as_root`: also if that is root."""
-    return as_root or os.geteuid() != 0
-
-
 def _children(pid: int) -> List[int]:
     """Return the processes that a process has started; none where the kernel does not tell."""
     files = Path(f"/proc/{pid}/task").glob("*/children")
