@@ -7,7 +7,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 32698, "healing": 4620, "monitoring": 2802, "ros": 9618}
+LINES = {"": 32206, "healing": 4616, "monitoring": 2802, "ros": 9243}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """

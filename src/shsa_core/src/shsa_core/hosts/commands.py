@@ -6,7 +6,8 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.journal.codec import Codec
 
-NodeCommand = Union[
+HostCommand = Union[
+    events.WatchNodes,
     events.LearnNode,
     events.FindNode,
     events.AskToLeave,
@@ -17,8 +18,6 @@ NodeCommand = Union[
     events.RestartNode,
     events.StopNode,
 ]
-"""Commands about one node."""
-HostCommand = Union[NodeCommand, events.WatchNodes]
 HostEvent = Union[
     events.NodeLearned,
     events.NodeCameUp,

@@ -52,10 +52,7 @@ def serve() -> None:
     _rename(sys.argv[:2])  # raises OSError here and not in each fork
     with suppress(ConnectionError):  # who gave us orders has ended, or has given this one up
         line.send(str(os.getpid()).encode())
-        while True:
-            data = line.recv(LARGEST_ORDER_B)
-            if not data:
-                break
+        for data in iter(lambda: line.recv(LARGEST_ORDER_B), b""):
             order = json.loads(data)
             if _fork(order, line):
                 _begin(order)
