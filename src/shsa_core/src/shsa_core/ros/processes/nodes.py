@@ -7,7 +7,7 @@ and says itself that it publishes the topic, as the master does.
 import threading
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
+from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set, Tuple
 
 import psutil
 import rospy
@@ -65,7 +65,7 @@ class Nodes:
 
     def __init__(self) -> None:
         self._known: Dict[str, Known] = {}
-        self._said: Set[str] = set()
+        self._said: Set[Tuple[str, str]] = set()
         self._lock = threading.Lock()
 
     def known(self, node: str) -> Optional[Known]:
@@ -135,10 +135,9 @@ class Nodes:
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
-        text = f"{node} can be neither ended for certain nor started again: {why}."
-        if why and text not in self._said:
-            self._said.add(text)
-            rospy.logwarn("%s", text)
+        if why and (node, why) not in self._said:
+            self._said.add((node, why))
+            rospy.logwarn("%s can be neither ended for certain nor started again: %s.", node, why)
         if topic not in said:
             return None
         return self._put(node, replace(current, topics=said, learned=True))
