@@ -19,7 +19,7 @@ from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State, Trigger
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.process import standby
-from shsa_core.healing.records import Counters, RestartedNode
+from shsa_core.healing.records import Counters
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
@@ -334,14 +334,13 @@ class Reconfigurator:
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
-            record = RestartedNode(event.node)
-            self.robot.records.set(record.key, record)
+            self.robot.restarted.add(event.node)
         return []
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         """End a node that was started again with whoever started it first."""
-        ours = any(each.node == event.node for each in self.robot.restarted)
-        self.robot.records.set(f"restarted {event.node}", None)
+        ours = event.node in self.robot.restarted
+        self.robot.restarted.discard(event.node)
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:

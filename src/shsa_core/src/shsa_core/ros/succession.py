@@ -16,7 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.files.trust import written_by_others
 from shsa_core.healing import events
 from shsa_core.analysis.duties import subscribers_of
-from shsa_core.healing.records import Record, RestartedNode, of_this_robot
+from shsa_core.healing.records import Record, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.model.som import Som
@@ -45,15 +45,10 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
     path = record_path(rospy.get_namespace())
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
-    restarted = host.restarts.take_up()
-    running = [*host.substitutes.take_up(), *restarted, *elsewhere]
+    running = [*host.take_up(), *elsewhere]
     same_boot = former.owner.get("boot") == owner["boot"]  # moments of another: of another clock
     runs = running if same_boot else ()
     records = of_this_robot(former.records, former.owner == owner, runs)
-    # What was started again on this computer is told by its mark, and not by a record.
-    here = lambda record: isinstance(record, RestartedNode) and record.node not in elsewhere
-    records = tuple(each for each in records if not here(each))
-    records += tuple(RestartedNode(node) for node in restarted)
     publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
     nodes = {node for _, node in publishers}
     started = events.Started(
