@@ -5,13 +5,15 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 
 # Turns: how long a thread that handles events waits at most.
 TURN_S = 0.1
-"""No longer between two looks at the clock: it bounds how late a message is known to have come. At
-each turn a process and an agent give a sign of life: a heartbeat."""
+"""No longer between two looks at the clock: it bounds how late a message is known to have come. As
+often a process, and an agent, gives a sign of life: a heartbeat."""
 
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
 handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
 on this computer has refused a call, or dropped it, by then."""
+TICK_S = 0.05
+"""Between two looks for processes that end or are silent."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
@@ -73,12 +75,11 @@ LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 
 # Signs of life.
-TICK_S = 0.05
-"""Between two looks for processes that are silent, here and on other computers, or end."""
 HUNG_BEATS = 15
 """A substitute that gave no sign of life for so many heartbeats is ended."""
-STARVED_BEATS = 150
-"""The same of a process that waits for a processor: then another one is needed."""
+STARVED = 10
+"""A process that waits for a processor may be silent for so many times as long: then another one is
+needed."""
 HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
 """The same of a healer that is ended by the other; they differ: one of both stays."""
 
