@@ -99,6 +99,11 @@ class FailureSeen(Event):
     last_good: Optional[float] = None
     last_message: bytes = b""
 
+    @property
+    def good_until(self) -> float:
+        """Return when the last good message came, or the failure, if none is known."""
+        return self.time if self.last_good is None else self.last_good
+
 
 @dataclass(frozen=True)
 class HealthSeen(Event):

@@ -24,7 +24,7 @@ from shsa_core.model.service import Service
 def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     """Have a service decide about a failure; `told`: the table of health tells of it.
 
-    Else somebody does, who is not heeded if the table has told of it before.
+    Else somebody does, who is not heeded if the table has told of it, or of what came after it.
     """
     robot = core.robot
     topic, publisher = event.topic, event.publisher
@@ -40,21 +40,17 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     if not event.detail:
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
+    # A node that is asked about does well, and so does a substitute that tells of its law.
+    well = event.kind in (Kind.REQUESTED, Kind.NO_VALUE)
+    if not (told or well or robot.health.note(event)):
+        return []
+    core.unsettle([name, *core.concerned(topic, publisher)])
     if not service.needed:
-        if not told and not robot.health.note(event):
-            return []  # said when the table told it
-        core.unsettle([name, *core.concerned(topic, publisher)])
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
-    # A node that is asked about does well, and so does a substitute that tells of its law.
-    if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
-        if not told and not robot.health.note(event):
-            core.services[name].note_message(event)
-            return core.ask(name, lambda each: [])
-        host = robot.host_of(publisher or service.node) if robot.som.hosts else ""
-        if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
-            robot.computers.doubt(host, event.time)
-    core.unsettle([name, *core.concerned(topic, publisher)])
+    host = robot.host_of(publisher or service.node)
+    if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
+        robot.computers.doubt(host, event.time)
     return core.ask(name, lambda each: each.failed(event))
 
 
@@ -81,12 +77,7 @@ def health_seen(core: Core, event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
-    health = core.robot.health
-    going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
-    commands = _changed(core, *health.heed(event))
-    for failure in going_on:
-        commands += failed(core, failure)
-    return commands
+    return _changed(core, *core.robot.health.heed(event))
 
 
 def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -> List[Command]:

@@ -27,7 +27,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     spec, robot, node = service.spec, service.robot, failure.publisher
     service.timers.clear()
     service.substitute.forget()
-    service.substitute.working_since = failure.time
+    service.substitute.working_since = failure.good_until
     service.pauses = 0
     service.accusation = service.nodes.accuse(spec, node, failure.kind)
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
@@ -100,7 +100,7 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     if awaited:
         service.timers[Trigger.LATE] = robot.time + service.substitute.patience
     if awaited or not healed:
-        service.substitute.working_since = failure.time
+        service.substitute.working_since = failure.good_until
     commands += service.step(
         state=State.HEALED if healed and not awaited else State.HEALING,
         killed=None,
@@ -116,7 +116,7 @@ def await_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Wait for a message: what it has published since counts, though it may be heard late."""
     assert failure is not None
     service.timers[Trigger.LATE] = service.robot.time + service.substitute.patience
-    service.substitute.working_since = failure.time
+    service.substitute.working_since = failure.good_until
     return service.step(state=State.HEALING, first_message=None)
 
 

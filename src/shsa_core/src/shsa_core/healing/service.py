@@ -18,7 +18,6 @@ from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import SAME_S
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
@@ -181,7 +180,7 @@ class ServiceMachine:
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
-        good = event.time if event.last_good is None else event.last_good
+        good = event.good_until
         safe_values = event.publisher == self.node and not self.substitute.computes
         stranger = event.kind is Kind.UNKNOWN_PUBLISHER
         if event.last_message and good >= self._message_came and not (safe_values or stranger):
@@ -330,6 +329,9 @@ class ServiceMachine:
 
     def changed(self) -> List[Command]:
         """Notice by health or SOM a first message, a return, or a lost input."""
+        for row in self.originals if self.state is not State.WELL else ():
+            if row.has_failed:  # its last good message may be known only now
+                self.note_message(self.robot.health.failure(row))
         commands = self._notice_first_message()
         refused = self._refuse()
         back = not refused and self.returned() is not None
@@ -369,10 +371,8 @@ class ServiceMachine:
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
         if row is None or not row.is_well:
             return None
-        least = self.substitute.working_since - SAME_S
-        if row.first_message is not None and row.first_message >= least:
-            return row.first_message
-        return row.since if row.since >= least else None
+        counts = [moment for moment in (row.first_message, row.since) if moment is not None]
+        return next((m for m in counts if m >= self.substitute.working_since), None)
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:

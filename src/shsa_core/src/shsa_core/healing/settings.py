@@ -46,7 +46,6 @@ class Settings:
         return doubled(self.retry, times, max(self.retry, self.retry_limit))
 
 
-SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
 ANSWER_S = 0.5

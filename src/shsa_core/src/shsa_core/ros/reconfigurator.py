@@ -170,12 +170,12 @@ class ReconfiguratorNode:
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
-        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
-        signing.subscribe(names.FAILURES, failures, self._failure)
         self._health_began: Dict[str, int] = {}
         self._monitors: Dict[str, TableSubscriber] = {}
         self._signing = signing
         self._hear_monitors(som)
+        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
+        signing.subscribe(names.FAILURES, failures, self._failure)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -374,6 +374,9 @@ class ReconfiguratorNode:
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:
+        monitors = (rospy.resolve_name(names.monitor_of(host)) for host in self._monitors)
+        if message._connection_header["callerid"] in monitors:
+            return  # its table has told that
         if not message.sent and self._queue.qsize() > MOST_WAITING:
             rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
