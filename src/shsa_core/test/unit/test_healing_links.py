@@ -97,7 +97,10 @@ def test_a_node_is_not_killed_for_being_slow_where_too_much_is_to_be_done() -> N
 
 def test_who_is_slow_now_and_then_is_not_slow_for_good() -> None:
     looks, slow = Kills(Robot().core.robot), (28.0, 0.02, False)
-    for time in (0.0, 2.6, 20.0, 22.6):
+    for time in (0.0, 2.6):
+        assert looks.doubt(time, A, *slow)
+    looks.forget(A)
+    for time in (20.0, 22.6):
         assert looks.doubt(time, A, *slow)
     assert looks.doubt(25.0, A, 50.0, 0.02, False) and looks.doubt(26.0, A, *slow)
     assert looks.doubt(30.0, A, *slow) is None

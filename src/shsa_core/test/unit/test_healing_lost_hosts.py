@@ -216,8 +216,9 @@ def test_a_link_that_drops_again_and_again_ends_with_one_publisher_and_no_punish
         assert incident.state is State.RETURNING and not incident.kept_out
         robot.handle(events.Tick(time + 1.0))
         time += 2.0
+        assert publishing(robot) == (False,)
     seen(robot, time - 0.5, PI)
-    robot.handle(events.Tick(time + 0.2))
+    robot.handle(events.Tick(time + robot.core.settings.hold_off_limit))
     assert robot.core.incident("a") is None and publishing(robot) == (False,)
     assert not has(robot.said, events.FindNode)
 

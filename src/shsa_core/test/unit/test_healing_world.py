@@ -51,13 +51,12 @@ def test_a_node_that_could_not_be_learned_is_tried_until_it_is_known() -> None:
     robot = Robot()
     robot.handle(events.NodeLearned(1.0, B, True))
     robot.handle(events.NodeLearned(1.0, A, False))
-    assert robot.core.deadline == 1.5
-    assert learned(robot.handle(events.Tick(1.5))) == [A]
-    robot.handle(events.NodeLearned(1.6, A, False))
-    assert learned(robot.handle(events.Tick(3.6))) == [A]
-    for time in (3.7, 13.8, 23.9):
+    assert robot.core.deadline == 3.0
+    assert learned(robot.handle(events.Tick(3.0))) == [A]
+    for time, pause in ((4.0, 4.0), (8.0, 8.0)):
         robot.handle(events.NodeLearned(time, A, False))
-        assert learned(robot.handle(events.Tick(time + 10.0))) == [A]
+        assert robot.core.deadline == time + pause
+        assert learned(robot.handle(events.Tick(time + pause))) == [A]
     robot.handle(events.NodeLearned(34.0, A, True))
     assert robot.core.deadline is None
 

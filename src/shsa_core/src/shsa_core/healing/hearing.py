@@ -163,16 +163,13 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     computers, host = robot.computers, robot.computers.name(event.host)
     if host and host not in robot.som.hosts:
         return []
-    heard, lost = computers.of(host).heard, bool(computers.lost(host))
-    link = event.sent + event.received
-    back = computers.seen(event.time, host, event.load, event.cores, link)
+    lost = bool(computers.lost(host))
+    computers.seen(event.time, host, event.load, event.cores, event.sent + event.received)
     commands: List[Command] = []
     if lost:
         commands.append(Log(Level.INFO, f"{host} is back."))
         for service in robot.on(host):
             core.unsettle([service.name])
-    if back:
-        commands += _excuse(core, host, heard)
     commands += core.deliver(core.nodes.computer_heard(host))
     lacking = [name for name in robot.indexes.stuck if core.services[name].place is None]
     commands += core.ask_all(lacking, lambda each: each.replan())
@@ -183,17 +180,10 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     return commands + (ask_monitor(core, host) if lost else [])
 
 
-def _excuse(core: Core, host: str, heard: float) -> List[Command]:
-    """Blame no node for its silence since its computer was heard, which was cut off."""
-    excused = core.nodes.excuse(host, heard)
-    return [c for node in excused for c in core.ask_accusers(node, lambda each: each.show_trust())]
-
-
 def host_lost(core: Core, event: HostLost) -> List[Command]:
     """Note that a computer is not heard any more."""
     robot, processes = core.robot, core.processes
     host = robot.computers.name(event.host)
-    heard = robot.computers.of(host).heard
     if host not in robot.som.hosts or not robot.computers.lose(host, event.time, event.detail):
         return []
     why = f"{host} is lost: {event.detail.rstrip('.')}"
@@ -203,7 +193,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
         if service.needed and service.event_driven:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
-    commands += core.settle() + _excuse(core, host, heard)
+    commands += core.settle()
     commands += core.deliver(core.nodes.computer_lost(host, why))
     _place_warm(core)
     commands += core.ask_all(processes.working_on(host), lambda each: each.rehost())

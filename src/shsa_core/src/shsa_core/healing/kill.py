@@ -115,7 +115,7 @@ class Kills:
         self._kills: Dict[str, _Kill] = {}
         self._pending: Dict[str, _Pending] = {}
         self._tries: Dict[str, int] = {}
-        self._slow: Dict[str, Tuple[float, float]] = {}  # there: since when, and when seen last
+        self._slow: Dict[str, float] = {}  # there: since when at each look
 
     def under_way(self, node: str) -> bool:
         """Tell that a node is being killed, or that its kill waits."""
@@ -141,6 +141,7 @@ class Kills:
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
         self._pending.pop(node, None)
+        self._slow.pop(node, None)
 
     def heard_of(self, host: str) -> List[str]:
         """Return the nodes that have waited for a computer for long enough."""
@@ -216,6 +217,7 @@ class Kills:
 
     def unreached(self, time: float, node: str, detail: str) -> List[Said]:
         """End a kill as the node's computer was lost, or does not answer in time."""
+        self._slow.pop(node, None)
         if self._kills[node].order.if_dead:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
@@ -274,7 +276,7 @@ class Kills:
         `rate`: messages/s that it sends there, every `period` s by the SOM; None: it cannot be
         told.
         """
-        since, last = self._slow.pop(node, (time, time))
+        began = self._slow.pop(node, time)
         if rate is None:
             return "nobody is connected to it on its own computer", LINK
         seen = f"on its own computer it sends {rate:.0f} messages/s"
@@ -284,10 +286,9 @@ class Kills:
             return seen, LINK
         if strained:
             return seen, STRAINED
-        since = time if time - last > limits.FORGET_S else since
-        if time - since >= limits.STEADY_S:
+        if time - began >= limits.STEADY_S:
             return None
-        self._slow[node] = since, time
+        self._slow[node] = began
         return seen, PASSES
 
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:

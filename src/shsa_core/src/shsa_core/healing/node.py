@@ -66,14 +66,13 @@ class Accusation:
 class Case:
     """The accusations against a node, by service, and how far it is trusted.
 
-    `before`: the trust before its last failure. `failing`: since that it was not back. `refusals`:
-    how often it was killed as it came back while it is kept out.
+    `failing`: it was not back since its last failure; `doubtful`: of how many relapses it was not
+    sure before that. `refusals`: how often it was killed as it came back while it is kept out.
     """
 
     accusations: Dict[str, Accusation] = field(default_factory=dict)
     trust: Trust = UNTRIED
-    before: Trust = UNTRIED
-    failed_at: float = -math.inf
+    doubtful: int = 0
     failing: bool = False
     refusals: int = 0
 
@@ -83,7 +82,7 @@ class Nodes:
 
     def __init__(self, robot: Robot) -> None:
         self.kills = Kills(robot)
-        self.identities = Identities(robot.health)
+        self.identities = Identities(robot)
         self._robot = robot
         self.stakes = Stakes(robot)
         self._settings = robot.settings
@@ -270,7 +269,7 @@ class Nodes:
             return commands
         self.orphans.discard(node)
         if case:  # its last failure was its own
-            doubtful = min(case.trust.doubtful, case.before.doubtful)
+            doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
 
@@ -331,7 +330,7 @@ class Nodes:
         if case.failing or kind is Kind.REQUESTED:
             return
         trust = case.trust
-        case.failing, case.failed_at, case.before = True, time, trust
+        case.failing, case.doubtful = True, trust.doubtful
         if not soon:
             calm = trust.well_since is not None and time - trust.well_since > settings.stable
             trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
@@ -345,21 +344,6 @@ class Nodes:
         relapses = trust.relapses + 1
         trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)
-
-    def excuse(self, host: str, heard: float) -> List[str]:
-        """Blame no node for its silence since its computer was heard, which was cut off.
-
-        Returns the nodes that are not kept out by that.
-        """
-        excused: List[str] = []
-        for node, case in self._cases.items():
-            silent = any(each.silent for each in case.accusations.values())
-            if silent and case.failed_at >= heard and self._robot.host_of(node) == host:
-                former = case.before
-                trust = replace(case.trust, relapses=former.relapses, doubtful=former.doubtful)
-                self._trust(node, case, replace(trust, soon=former.soon))
-                excused.append(node)
-        return excused
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
