@@ -1,6 +1,6 @@
 """On which computer a substitute runs, and where one stands by."""
 from dataclasses import replace
-from core_robot import A, C, Robot, has, last_incident, only, publishing, service
+from core_robot import A, C, Robot, assigned, has, last_incident, only, publishing, service
 from hosts_robot import BOARD, PI, distributed, lost, seen, som, stopped, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -95,8 +95,7 @@ def test_idle_processes_are_where_the_plans_of_warm_services_are_placed() -> Non
     (row,) = robot.idle_rows()
     assert row.host == BOARD and robot.shown["a"].host == BOARD
     robot.handle(events.ProcessPulse(3.5, row.node, True))
-    assign = only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
-    assert assign.node == row.node and robot.shown[row.node].host == BOARD
+    assert assigned(robot.fail("/a", A, 10.0)) == row.node and robot.shown[row.node].host == BOARD
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute)
     assert refill.host == BOARD and refill.program is None
 
@@ -130,7 +129,7 @@ def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> N
     rows = {row.host: row.node for row in robot.idle_rows()}
     robot.handle(events.ProcessExited(4.0, rows[BOARD], "killed"))
     commands = robot.fail("/a", A, 4.1)
-    assert only(commands, events.AssignSubstitute).node == rows[PI]
+    assert assigned(commands) == rows[PI]
     assert "cold start" not in str(commands) and not has(commands, events.StartSubstitute)
 
 

@@ -5,6 +5,7 @@ from typing import Any, Callable, List
 import pytest
 
 from core_robot import (
+    assigned,
     A,
     B,
     C,
@@ -249,7 +250,7 @@ def test_a_service_that_becomes_warm_has_processes_ready() -> None:
     warm = Som([replace(first, standby=Standby.WARM), *others])
     assert has(robot.handle(events.SomChanged(2.0, warm)), events.StartSubstitute)
     robot.idle(2.0)
-    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
+    assert assigned(robot.fail("/a", A, 10.0))
 
 
 def test_another_quality_of_a_source_counts_in_the_next_plan() -> None:

@@ -113,7 +113,7 @@ def test_what_stands_by_fills_in_for_nobody() -> None:
     first, *others = SOM
     robot = Robot(Som([replace(first, standby=Standby.HOT, bridge=2.5), *others]))
     (row,) = robot.working()
-    robot.handle(events.SubstituteStarted(2.0, row.node, 1.9))
+    robot.handle(events.SubstituteStarted(2.0, row.node))
     assert robot.shown[row.node].bridge > 0.0
     begin(robot, 10.0)
     assert robot.shown[row.node].bridge == 0.0

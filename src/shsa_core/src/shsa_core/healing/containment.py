@@ -3,6 +3,7 @@ from dataclasses import dataclass
 from typing import List, Optional, Sequence, Set, Tuple
 
 from shsa_core.healing.health import MISSED
+from shsa_core.healing.incident import SUBSTITUTED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import PublisherHealth
@@ -187,8 +188,10 @@ class Stakes:
         found, indexes = [], self._robot.indexes
         for name in indexes.readers([service.name]):
             read = self._robot.som.services.get(name)
-            if read is not None and name in indexes.computed:
-                faulty, tried = indexes.computed[name]
-                if not self._planner.replaceable(read, doomed | {faulty}, tried):
+            if read is not None and name in indexes.healing:
+                incident, tried = indexes.healing[name]
+                without = doomed | {incident.faulty_node}
+                computed = incident.state in SUBSTITUTED
+                if computed and not self._planner.replaceable(read, without, tried):
                     found.append(read.topic)
         return found

@@ -62,7 +62,7 @@ class Core:
         decided = before, machine.substitute.node, machine.substitute.plan
         commands = ask(machine)
         incident, substitute = machine.incident, machine.substitute
-        row, refuses, accused = machine.row(), machine.refuses, machine.accusation
+        row, accused = machine.row(), machine.accusation
         shown = None if incident is WELL else incident
         for each in commands:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
@@ -70,9 +70,6 @@ class Core:
         record = ServiceRecord(name, service.topic, shown, *about)
         if (incident, substitute.node, substitute.plan) != decided:
             robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
-            robot.indexes.refused.pop(name, None)
-            if refuses:
-                robot.indexes.refused[name] = incident.faulty_node
         self.agenda.set(name, min(machine.timers.values(), default=None))
         if row is not None:
             self.processes.wanted.set(row_key(row), row)
@@ -127,7 +124,7 @@ class Core:
             readers = indexes.readers((*others, *(each.name for each in gone)))
             commands += self.ask_all(readers, lambda each: each.changed())
             if come:
-                waiting = {**indexes.stuck, **indexes.kept}
+                waiting = dict.fromkeys((*indexes.stuck, *indexes.kept))
                 commands += self.ask_all(waiting, lambda each: each.replan())
         return commands
 

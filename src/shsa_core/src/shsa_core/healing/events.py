@@ -194,9 +194,7 @@ class ProcessUntouchable(NodeEvent):
 
 @dataclass(frozen=True)
 class SubstituteStarted(NodeEvent):
-    """The process of a substitute was set to work; `found`: when the search had ended."""
-
-    found: float
+    """The process of a substitute was started."""
 
 
 @dataclass(frozen=True)
@@ -377,11 +375,6 @@ class StartSubstitute(NodeCommand):
     outputs: Tuple[Signal, ...] = ()
     host: str = ""
     shared: bool = False
-
-
-@dataclass(frozen=True)
-class AssignSubstitute(NodeCommand):
-    """Have a running process see its program in the table; answered by SubstituteStarted."""
 
 
 @dataclass(frozen=True)

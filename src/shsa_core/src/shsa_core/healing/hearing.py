@@ -48,8 +48,8 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     if not service.needed:
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
-    host = robot.host_of(publisher or service.node)
-    if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
+    host = robot.host_of(publisher or service.node) if event.kind in MISSED else ""
+    if host:  # it is not known yet whether the computer is lost
         robot.computers.doubt(host, event.time)
     return core.ask(name, lambda each: each.failed(event))
 

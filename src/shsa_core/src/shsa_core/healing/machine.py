@@ -73,14 +73,14 @@ class Reconfigurator:
         robot.som = robot.planner.som = robot.as_told(som)
         self.services = core.services
         self._watched: Tuple[str, ...] = ()
-        self._nodes, self._processes = nodes, _ = core.nodes, core.processes
+        self._nodes, self._processes = nodes, processes = core.nodes, core.processes
         for service in robot.som:
             self._add(service)
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
                 events.Started: self._started,
-                events.Prepared: self._prepared,
+                events.Prepared: lambda event: processes.hold_starts(-inf),
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
                 events.MaintenanceSet: self._maintenance_set,
@@ -92,7 +92,9 @@ class Reconfigurator:
                 events.NodeCameUp: lambda e: core.ask_accusers(e.node, lambda each: each.came_up()),
                 **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
                 events.NodeUnregistered: self._node_unregistered,
-                events.SubstituteStarted: self._substitute_started,
+                events.SubstituteStarted: lambda event: core.ask_all(
+                    processes.served(event.node), lambda each: each.started(event.time)
+                ),
                 events.ProcessExited: self._process_exited,
                 events.ProcessPulse: self._process_pulse,
                 events.SubstituteRequested: self._requested,
@@ -126,18 +128,16 @@ class Reconfigurator:
         commands += self._core.settle()
         if not self._over:
             commands += processes.refill(robot.time)
-        watched = tuple(sorted({*robot.indexes.refused.values()}))
+        machines = map(self.services.__getitem__, robot.indexes.healing)
+        watched = tuple(sorted({each.incident.faulty_node for each in machines if each.refuses}))
         if watched != self._watched:
             self._watched = watched
             commands.append(events.WatchNodes(watched))
         robot.records.set("counters", Counters(robot.incidents, robot.names.next))
         # What is written down comes first; then the table, which decides who publishes.
         first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
-        acting: List[Command] = []
-        telling: List[Command] = []
-        for command in (*first, *commands, *robot.availability.states.change()):
-            (telling if isinstance(command, TELLING) else acting).append(command)
-        return acting + telling
+        said = [*first, *commands, *robot.availability.states.change()]
+        return sorted(said, key=lambda each: isinstance(each, TELLING))
 
     @property
     def plans_ahead(self) -> bool:
@@ -196,8 +196,7 @@ class Reconfigurator:
     def _started(self, event: events.Started) -> List[Command]:
         """Begin; what is needed is known first: processes that stand by for it are taken up."""
         robot = self.robot
-        for topic, nodes in event.subscribers:
-            robot.health.consumers[topic] = self.names.consumers(nodes)
+        robot.note_subscribers(event.subscribers)
         robot.som = robot.planner.som = robot.as_told(self._given)
         for service in robot.som:
             self._offer(service)
@@ -205,8 +204,8 @@ class Reconfigurator:
 
     def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
         robot = self.robot
-        for topic, nodes in event.subscribers:
-            robot.health.consumers[topic] = self.names.consumers(nodes)
+        robot.note_subscribers(event.subscribers)
+        for topic, _ in event.subscribers:
             self._core.unsettle([service.name for service in robot.som.of_topic(topic)])
         commands: List[Command] = []
         for node, duties in event.duties:
@@ -276,10 +275,6 @@ class Reconfigurator:
 
     # The rest of the events.
 
-    def _prepared(self, event: events.Prepared) -> List[Command]:
-        self._processes.starts.held_until = -inf
-        return []
-
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute, and the nodes that whoever ends us has started first."""
         self._over = True
@@ -309,7 +304,7 @@ class Reconfigurator:
 
     def _maintain(self, on: bool) -> None:
         self.robot.maintained = on
-        self._processes.starts.held_until = inf if on else -inf
+        self._processes.hold_starts(inf if on else -inf)
         self._core.ask_all(self._processes.substituted, lambda each: [])
 
     def _let_through(self, event: Event) -> List[Event]:
@@ -344,10 +339,6 @@ class Reconfigurator:
         ours = any(each.node == event.node for each in self.robot.restarted)
         self.robot.records.set(f"restarted {event.node}", None)
         return [events.StopNode(event.node)] if ours else []
-
-    def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        served = self._processes.served(event.node)
-        return self._core.ask_all(served, lambda each: each.started(event.found, event.time))
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
         served, commands = self._processes.exited(event)

@@ -77,6 +77,11 @@ class Processes:
             for name in s
         ]
 
+    def hold_starts(self, until: float) -> List[Command]:
+        """Start nothing that stands by before a moment, in s."""
+        self.starts.held_until = until
+        return []
+
     # Where they run.
 
     def place(self, service: Service, plan: Plan) -> Place:
@@ -99,10 +104,11 @@ class Processes:
 
     # One is started, or set to work.
 
-    def set_to_work(self, service: Service, substitute: "Substitute", ahead: bool) -> Command:
+    def set_to_work(self, service: Service, substitute: "Substitute", ahead: bool) -> List[Command]:
         """Set an idle process on a computer to work, let one be shared, or start another.
 
-        `ahead`: nothing has failed yet; then several may share it.
+        The table tells a process that runs. `ahead`: nothing has failed yet; then several may share
+        it.
         """
         plan, host = substitute.plan, substitute.host
         time, planner = self._robot.time, self._robot.planner
@@ -119,18 +125,18 @@ class Processes:
         elif node:
             self.pool.take(time, node)
             self._robot.records.set(f"idle {node}", None)
-        command: Command = events.AssignSubstitute(node)
+        commands: List[Command] = []
         if not node and shared:
             node = self._robot.names.fresh("host")
-            command = self._start(events.StartSubstitute(node, None, shared=True))
+            commands = [self._start(events.StartSubstitute(node, None, shared=True))]
         elif not node:
             node = self._robot.names.fresh(service.topic.strip("/").replace("/", "_"))
             inputs, outputs = planner.inputs(plan), planner.outputs(plan)
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
-            command = self._start(start)
+            commands = [self._start(start)]
         substitute.node = node
         self.take_up(service, node, host, shared)
-        return command
+        return commands
 
     def _start(self, command: events.StartSubstitute) -> events.StartSubstitute:
         self._robot.health.substitutes.add(command.node, self.nodes)
@@ -278,8 +284,8 @@ class Substitute:
     `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
     own; `shared`: whether it is that of other services too; `changed`: when it was given its
     program. `working_since` is when it was set to work: what it has published since counts.
-    `patience` is how long its first message may take, in s; if that does not come, `plan_to_blame`,
-    or else the process is. `tried`: the plans that were tried in vain.
+    `plan_to_blame`, or else the process is, if no first message comes. `tried`: the plans that were
+    tried in vain.
     """
 
     def __init__(self, service: str, robot: Robot, processes: Processes) -> None:
@@ -287,7 +293,6 @@ class Substitute:
         self.shared = False
         self.plan: Optional[Plan] = None
         self.working_since = self.changed = 0.0
-        self.patience = TAKEOVER_S
         self.plan_to_blame = True
         processes.substitutes[service] = self
         self._service = service
@@ -296,6 +301,11 @@ class Substitute:
         self.started = 0.0
         self.tried: FrozenSet[Plan] = frozenset()
         self._deaths = 0
+
+    @property
+    def patience(self) -> float:
+        """Return how long its first message may take, in s; one that is coming up is on its way."""
+        return max(TAKEOVER_S, self.started + START_S - self.changed)
 
     @property
     def computes(self) -> bool:
@@ -362,21 +372,14 @@ class Substitute:
         """
         now = self._robot.time
         place = place or self.place(service, plan)
-        self.plan, self.changed, starts = plan, now, False
+        self.plan, self.changed = plan, now
         commands: List[Command] = []
-        if self.node:
-            commands.append(events.AssignSubstitute(self.node))
-        else:
+        if not self.node:
             self.host = place.host
-            command = self._processes.set_to_work(service, self, ahead)
-            commands.append(command)
-            starts = isinstance(command, events.StartSubstitute)
-            if starts or ahead:  # an idle one may have taken the topic over by itself
+            commands = self._processes.set_to_work(service, self, ahead)
+            if commands or ahead:  # an idle one may have taken the topic over by itself
                 self.working_since = now
-        # One that was started a moment ago is on its way: another one would come up no sooner.
-        coming_up = self.started + START_S - now
-        self.patience = max(TAKEOVER_S, coming_up)
-        self.plan_to_blame = starts or publishes
+        self.plan_to_blame = bool(commands) or publishes
         return commands
 
     def take_up(self, row: Substitution, plan: Plan, working_since: float) -> None:

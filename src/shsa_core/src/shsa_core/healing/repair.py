@@ -7,7 +7,7 @@ from typing import Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
+from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import standby
@@ -224,7 +224,8 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
     text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place or HERE
     commands = substitute.use(spec, plan, place, publishes)
-    if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
+    starts = bool(commands)
+    if spec.standby is Standby.WARM and starts:
         text += " No idle process is left: this is a cold start."
     text += place.words
     commands.append(Log(Level.INFO, text))
@@ -237,6 +238,8 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         state=state,
         first_message=first_message,
         last_good=last_good,
+        found=robot.time,
+        spawned=None if starts else robot.time,
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,

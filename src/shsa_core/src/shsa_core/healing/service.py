@@ -283,9 +283,9 @@ class ServiceMachine:
 
     # The substitute's process.
 
-    def started(self, found: float, time: float) -> List[Command]:
-        """Note that the substitute was set to work; its plan was `found` before."""
-        return [] if self.state is State.WELL else self.step(found=found, spawned=time)
+    def started(self, time: float) -> List[Command]:
+        """Note that the process of the substitute was started."""
+        return [] if self.state is State.WELL else self.step(spawned=time)
 
     def substitute_failed(self, why: str, tried: bool = False) -> List[Command]:
         """Replace the substitute; its plan is not tried again if `tried`."""

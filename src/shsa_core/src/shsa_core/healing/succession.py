@@ -37,7 +37,7 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        core.processes.starts.held_until = event.time + START_S
+        core.processes.hold_starts(event.time + START_S)
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)

@@ -178,8 +178,6 @@ class RemoteHost:
         for command in [each for each in self._waits if each[1] == event.node]:
             if isinstance(event, ANSWERS[command[0]]):
                 del self._waits[command]
-        if isinstance(event, events.SubstituteStarted):
-            return replace(event, time=now, found=now)
         if isinstance(event, (events.ProcessExited, events.RestartFailed)):
             self._wanted.pop(event.node, None)
         return replace(event, time=now)

@@ -188,9 +188,8 @@ class LocalHost:
             self._tell(events.NodeUnregistered(clock.now(), command.node))
 
     def _start(self, command: events.StartSubstitute) -> None:
-        asked = clock.now()
         self.substitutes.start(command)
-        self._tell(events.SubstituteStarted(clock.now(), command.node, asked))
+        self._tell(events.SubstituteStarted(clock.now(), command.node))
 
     def _stop(self, command: events.StopSubstitute) -> None:
         self.substitutes.children.stop(command.node)
