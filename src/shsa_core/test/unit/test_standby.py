@@ -4,7 +4,19 @@ from typing import Sequence
 
 import pytest
 
-from core_robot import A, B, C, Robot, assigned, has, last_incident, only, publishing, reads, service
+from core_robot import (
+    A,
+    B,
+    C,
+    Robot,
+    assigned,
+    has,
+    last_incident,
+    only,
+    publishing,
+    reads,
+    service,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Others, Standby

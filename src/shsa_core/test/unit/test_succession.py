@@ -4,7 +4,19 @@ from typing import Any, Dict, List, Tuple
 
 import pytest
 
-from core_robot import A, B, ONTOLOGY, SOM, Robot, assigned, has, last_incident, only, publishing, service
+from core_robot import (
+    A,
+    B,
+    ONTOLOGY,
+    SOM,
+    Robot,
+    assigned,
+    has,
+    last_incident,
+    only,
+    publishing,
+    service,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator

@@ -40,14 +40,14 @@ class KillNode:
 
 
 class Outcome(Word):
-    """The end of a kill."""
+    """The end of a kill, as it is told of the node."""
 
-    GONE = "it is gone for certain"
-    UNSURE = "it could not be reached to make sure"
-    SPARED = "it was to be cleared if it is dead, and may still run"
-    ANOTHER = "it is not the one that failed, and is not touched"
-    UNREACHED = "its computer was lost"
-    WELL = "it may do well, as its own computer tells"
+    GONE = "is gone"  # for certain
+    UNSURE = "may still be running"  # it could not be reached to make sure
+    SPARED = "is spared"  # it was to be cleared if it is dead
+    ANOTHER = "is left alone"  # it is not the one that failed
+    UNREACHED = "may still run"  # its computer was lost
+    WELL = "is not killed"  # it may do well, as its own computer tells
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,11 @@ class KillOver:
     detail: str = ""
     cause: str = ""
     starter: str = ""
+
+    @property
+    def told(self) -> str:
+        """Return how the kill ended, in words."""
+        return f"{self.node} {self.outcome}: {', '.join(filter(None, (self.detail, self.cause)))}"
 
 
 KillEvent = Union[NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable]

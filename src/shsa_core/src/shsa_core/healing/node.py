@@ -237,9 +237,8 @@ class Nodes:
         if kill.outcome is Outcome.WELL:
             self.kills.wait(kill, host, silent=True)
             news = any(each.excuse != kill.cause for each in accusations)
-            why = f"{node} is not killed: {kill.detail}, {kill.cause}"
             for each in accusations:
-                each.decision, each.fate, each.excuse = why, Fate.NONE, kill.cause
+                each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
             return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(kill, host, silent=all(each.silent for each in accusations))

@@ -56,8 +56,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
     nodes, node = service.nodes, failure.publisher
-    text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
-    commands: List[Command] = [Log(Level.WARN, text)]
+    commands: List[Command] = [service.log(f"{node} failed again: {failure.detail}.")]
     former = service.incident.faulty_node
     accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
@@ -89,12 +88,11 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     plan, none = search(service)
-    text = f"{spec.topic}: {node} failed again: {failure.detail}."
-    commands += [Log(Level.WARN, text), *service.judge(accusation, plan)]
     detail = f"{node} failed again: {failure.detail}"
+    commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
     if service.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
-        commands.append(Log(Level.ERROR, f"{spec.topic}: {detail}"))
+        commands.append(service.log(detail, Level.ERROR))
     healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:
@@ -135,9 +133,8 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience
         return []
-    text = f"{spec.topic}: the substitute failed: no message within {substitute.patience:.1f} s."
-    blamed = substitute.plan_to_blame
-    return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
+    said = service.log(f"the substitute failed: no message within {substitute.patience:.1f} s.")
+    return [*substitute.failed(substitute.plan_to_blame), said, *heal(service)]
 
 
 def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -149,10 +146,10 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     well = service.state is State.WELL
     faulty = spec.node if well else service.incident.faulty_node
     another = substitute.another(spec, faulty)
-    text = f"{spec.topic}: the substitute's law does not hold now"
+    text = "the substitute's law does not hold now"
     if another is None:
-        return [Log(Level.WARN, f"{text}, and there is no other.")]
-    said = Log(Level.WARN, f"{text}. The next best takes its place.")
+        return [service.log(f"{text}, and there is no other.")]
+    said = service.log(f"{text}. The next best takes its place.")
     if not well and substitute.plan is not None:
         substitute.tried |= {substitute.plan}
         return [said, *heal(service)]
@@ -167,7 +164,7 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
     assert another is not None and substitute.plan is not None
     substitute.tried |= {substitute.plan}
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
-    return [Log(Level.WARN, f"{service.spec.topic}: {text}"), *follow(service, another)]
+    return [service.log(text), *follow(service, another)]
 
 
 def retry(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -354,8 +351,7 @@ def publish(service: ServiceMachine, _: Failure) -> List[Command]:
     commands = service.step(state=State.HEALED, first_message=service.first_message())
     outage = service.incident.outage
     lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
-    text = f"{service.spec.topic}: {service.node} publishes it now.{lasted}"
-    commands.append(Log(Level.INFO, text))
+    commands.append(service.log(f"{service.node} publishes it now.{lasted}", Level.INFO))
     if service.accusation.fate is Fate.WAITS:
         commands += service.judge(service.accusation, service.substitute.plan) + service.step()
     return commands

@@ -89,7 +89,7 @@ class ServiceMachine:
         It is if that was only silent, and nobody has made sure that it is gone, and in maintenance.
         On a shared topic somebody else is heard; there only one that a cut may part from it hears.
         """
-        lasts = self.accusation.kind in MISSED and self.incident.killed is None
+        lasts = self.incident.killed is None and self.accusation.kind in MISSED
         apart = self.parted or len(self.robot.som.of_topic(self.spec.topic)) == 1
         return (lasts or self.robot.maintained) and apart and self.publishes
 
@@ -139,6 +139,10 @@ class ServiceMachine:
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
 
+    def log(self, text: str, level: Level = Level.WARN) -> Log:
+        """Return a line of the log that begins with the topic."""
+        return Log(level, f"{self.spec.topic}: {text}")
+
     def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
         """Return what an incident shows of the plan that is carried out, or could be."""
         unavailable = self.robot.availability.unavailable - {self.spec.name}
@@ -168,8 +172,8 @@ class ServiceMachine:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
                 commands = self.nodes.judge(self.spec, accusation, True, False)
                 self.nodes.acquit(self.spec, node)
-                text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
-                return [*commands, Log(Level.WARN, text)]
+                text = f"{node} failed ({event.detail}); {others[0]} carries on."
+                return [*commands, self.log(text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
         return commands + self._notice_first_message()  # by a bridge, heard before the failure
 
@@ -201,8 +205,8 @@ class ServiceMachine:
             return self.fire(Trigger.SILENT, event) + self._notice_first_message()
         slow = event.kind is Kind.RATE_LOW and self.state is State.HEALED
         if slow and self.substitute.another(self.spec, self.incident.faulty_node) is None:
-            text = f"{self.spec.topic}: the substitute is slow ({event.detail})"
-            return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self.step()]
+            text = f"the substitute is slow ({event.detail}), and goes on: there is no other."
+            return [self.log(text), *self.step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
         return self.substitute_failed(event.detail, tried)
@@ -215,24 +219,16 @@ class ServiceMachine:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:
             return self.step()
-        node, text = kill.node, self.accusation.decision
-        if kill.outcome is Outcome.UNREACHED:
-            text = f"{node} may still run: {kill.detail}"
-        elif kill.outcome is Outcome.UNSURE:
-            text = f"{node} may still be running: {kill.detail}"
-        elif kill.outcome is Outcome.ANOTHER:
-            text = f"{node} is left alone: {kill.detail}"
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
-        said = Log(Level.WARN, f"{self.incident.topic}: {text}.")
-        said = replace(said, level=Level.ERROR) if over else said
+        said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
         return commands + self.replan() + self.changed() if over else commands
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
         """Try to start the faulty node again, if it may be."""
         self.start_node()
-        text = f"{self.incident.topic}: {event.node} cannot be started again: {event.detail}."
-        return [Log(Level.ERROR, text), *self.replan()]
+        text = f"{event.node} cannot be started again: {event.detail}."
+        return [self.log(text, Level.ERROR), *self.replan()]
 
     def show_trust(self) -> List[Command]:
         """Show that the faulty node is kept out no more."""
@@ -243,14 +239,14 @@ class ServiceMachine:
         if self.incident.state is not State.RETURNING and not self.kept_out:
             self.start_node()
         commands: List[Command] = []
-        node, topic = event.node, self.incident.topic
-        count = self.nodes.refusals(node)
+        count = self.nodes.refusals(event.node)
         if count:
             times = "once" if count == 1 else f"{count} times"
-            text = f"{node} is kept out, and was started again {times}"
+            text = f"{event.node} is kept out, and was started again {times}"
             text += f" by {event.starter}" if event.starter else ""
-            said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
-            commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
+            how = f"Repair and release it: rosservice call /shsa/release {self.spec.topic}"
+            commands = [self.log(f"{text}. {how}", Level.ERROR)]
+            commands += self.step(detail=f"{text}.")
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:
@@ -289,8 +285,7 @@ class ServiceMachine:
 
     def substitute_failed(self, why: str, tried: bool = False) -> List[Command]:
         """Replace the substitute; its plan is not tried again if `tried`."""
-        text = f"{self.spec.topic}: the substitute failed: {why}."
-        commands = [*self.substitute.failed(tried), Log(Level.WARN, text)]
+        commands = [*self.substitute.failed(tried), self.log(f"the substitute failed: {why}.")]
         return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
 
     def rehost(self) -> List[Command]:
@@ -320,8 +315,7 @@ class ServiceMachine:
 
     def _move(self, why: str) -> List[Command]:
         """Set another process to work, on another computer."""
-        commands = self.substitute.drop()
-        commands.append(Log(Level.WARN, f"{self.spec.topic}: the substitute {why}."))
+        commands = [*self.substitute.drop(), self.log(f"the substitute {why}.")]
         well = self.state is State.WELL
         return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
@@ -333,13 +327,13 @@ class ServiceMachine:
             if row.has_failed:  # its last good message may be known only now
                 self.note_message(self.robot.health.failure(row))
         commands = self._notice_first_message()
-        refused = self._refuse()
+        refused = self.came_up() if self._speaks_again() else []
         back = not refused and self.returned() is not None
         commands += self.fire(Trigger.RETURNED) if back else refused
         plan = self.substitute.plan
         if self.state in SUBSTITUTED and plan is not None and not self.robot.planner.usable(plan):
-            text = f"{self.spec.topic}: the substitute lost an input."
-            commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
+            commands.append(self.log("the substitute lost an input."))
+            commands += self.fire(Trigger.REPLAN)
         return commands
 
     def replan(self) -> List[Command]:
@@ -379,17 +373,11 @@ class ServiceMachine:
             return []
         return self.fire(Trigger.FIRST_MESSAGE)
 
-    def _refuse(self) -> List[Command]:
-        incident = self.incident
-        if incident.killed is None:
-            return []
-        came = any(
-            row.publisher == incident.faulty_node
-            and not row.has_failed
-            and row.since > incident.killed
-            for row in self.originals
-        )
-        return self.came_up() if came else []
+    def _speaks_again(self) -> bool:
+        """Tell that the faulty node is there again since it was killed."""
+        row = self.robot.health.row((self.spec.topic, self.incident.faulty_node))
+        gone = self.incident.killed
+        return row is not None and gone is not None and not row.has_failed and row.since > gone
 
     def returned(self) -> Optional[PublisherHealth]:
         """Return the row of an original that is well since the failure; None: there is none."""
