@@ -33,7 +33,9 @@ def said(call: ast.Call) -> Optional[ast.expr]:
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
     if name == "Log":
         return call.args[1] if getattr(call.args[0], "attr", "") in LEVELS else None
-    if name == "log":  # of a service: it begins with the topic
+    if (
+        name == "log" and getattr(call.args[-1], "attr", "") != "INFO"
+    ):  # a service's: its topic first
         return ast.JoinedStr([ast.Constant("...: ", None), call.args[0]])
     if not LOGGED.search(name) or not call.args:
         return None
@@ -69,11 +71,7 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
             yield from texts(value, {})
 
 
-KILLS = [
-    f"...: ... {each}: ..."
-    for each in Outcome
-    if each not in (Outcome.GONE, Outcome.SPARED, Outcome.WELL)
-]
+KILLS = [f"...: ... {each}: ..." for each in (Outcome.UNREACHED, Outcome.UNSURE, Outcome.ANOTHER)]
 TEXTS = {text for path in CORE.rglob("*.py") for text in logged(path)}
 FOUND = sorted(text for text in (*TEXTS, *KILLS) if re.search("[a-z]{3}", text))
 
