@@ -85,11 +85,11 @@ def test_a_node_that_died_is_not_tried_any_more() -> None:
     assert not learned(robot.handle(events.Tick(2.0)))
 
 
-def test_substitutes_that_were_left_behind_are_ended_and_their_names_not_used_again() -> None:
+def test_substitutes_that_were_left_behind_are_cleared_and_their_names_not_used_again() -> None:
     robot = Robot()
     left = ("/substitute_a_7", "/substitute_standby_3")
     commands = robot.handle(events.Started(1.0, left))
-    assert [each.node for each in commands if isinstance(each, events.FindNode)] == list(left)
+    assert [each.node for each in commands if isinstance(each, events.ClearNode)] == list(left)
     assert "Stopping orphaned substitute /substitute_a_7." in str(commands)
     start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
     assert start.node == "/substitute_a_8"
@@ -121,17 +121,6 @@ def test_what_is_named_as_a_substitute_and_not_known_to_be_one_is_left_alone_and
     (log,) = [each for each in commands if isinstance(each, events.Log)]
     assert "/substitute_a_7 is left alone" in log.text and not has(commands, events.FindNode)
     assert only(robot.fail("/a", A, 10.0), events.StartSubstitute).node == "/substitute_a_8"
-
-
-def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
-    robot = Robot()
-    robot.handle(events.Started(1.0, ("/substitute_a_7",)))
-    for time in (3.0, 7.0, 13.0):
-        assert not has(robot.handle(events.Tick(time)), events.FindNode)
-        time += 2.0 * 2 ** [3.0, 7.0, 13.0].index(time)
-        assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
-    robot.killed(21.5, "/substitute_a_7")
-    assert not has(robot.handle(events.Tick(100.0)), events.FindNode)
 
 
 def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:

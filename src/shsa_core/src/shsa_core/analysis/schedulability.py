@@ -92,7 +92,6 @@ class _Schedule:
         return [each for each in placed if each.standby is standby]
 
     def _place(self, service: Service) -> Iterator[Finding]:
-        """Place a substitute, and report why it is not where it should be."""
         inputs, why = self._reads[service.name], ""
         try:
             place = self._placement.place(0.0, service, inputs)
@@ -109,5 +108,4 @@ class _Schedule:
             yield Finding("warning", service.where, what, todo)
 
     def _names(self, host: str) -> Set[str]:
-        """Return the names by which services call a host."""
         return {host, self._hosts.in_som(host)}

@@ -48,9 +48,9 @@ class NodeEvent(Event):
 class Started(Event):
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
-    `records`: what a former one has written down. `running`: the substitutes, and the nodes that
-    were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: those of which nobody knows that. `subscribers`: as in GraphSeen.
+    `records`: what a former one has written down. `running`: the substitutes and nodes started
+    again that run on. `leftovers`: other nodes named as a substitute that are dead; `strangers`:
+    those of which nobody knows that. `subscribers`: as in GraphSeen.
     """
 
     leftovers: Tuple[str, ...] = ()
@@ -141,10 +141,7 @@ class GraphSeen(Event):
 
 @dataclass(frozen=True)
 class NodeLearned(NodeEvent):
-    """It was looked which process a node is; `known`: that is verified.
-
-    `protected`: why it is never killed unless the SOM says so; empty: it may be.
-    """
+    """It was looked which process a node is; `known`: that is verified; `protected`: as in Case."""
 
     known: bool
     protected: str = ""
@@ -203,11 +200,6 @@ class ProcessExited(NodeEvent):
 
     detail: str
     started: bool = True
-
-    @property
-    def told(self) -> str:
-        """Return a text of what happened."""
-        return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)

@@ -341,10 +341,10 @@ class Reconfigurator:
         return [events.StopNode(event.node)] if ours else []
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        served, commands = self._processes.exited(event)
-        return commands + self._core.ask_all(
-            served, lambda each: each.substitute_failed(event.told)
-        )
+        served = self._processes.served(event.node)
+        why = f"its process {'died' if event.started else 'was not started'} ({event.detail})"
+        commands = self._processes.exited(event.node, why)
+        return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
         served = self._processes.served(event.node) if not event.heard else ()
@@ -400,11 +400,7 @@ class Reconfigurator:
         return commands + self._core.ask_all(due, lambda each: each.tick())
 
     def validate(self) -> None:
-        """Raise ShsaError if an invariant is broken.
-
-        These are those of each machine, one publisher a service, one owner a process, none that
-        stands by where it cannot be told, and something that will happen next in each incident.
-        """
+        """Raise ShsaError if an invariant of a machine, or between them, is broken."""
         robot, processes = self.robot, self._processes
         owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
         for name, machine in self.services.items():
@@ -415,11 +411,10 @@ class Reconfigurator:
                 raise ShsaError(f"{node} works for {name} and for {owners[node]}")
             if node:
                 owners[node] = name
-            waits = state is State.HEALING and not machine.timers
-            faulty = incident.faulty_node
-            comes = self._nodes.awaited(faulty) or self._nodes.kills.under_way(faulty)
-            if waits and not (robot.ending or comes):
-                raise ShsaError(f"{name} is being healed, and nothing will ever happen")
+            nodes, faulty = self._nodes, incident.faulty_node
+            if state is State.HEALING and not (machine.timers or robot.ending):
+                if not (nodes.awaited(faulty) or nodes.kills.under_way(faulty)):
+                    raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states.rows[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host

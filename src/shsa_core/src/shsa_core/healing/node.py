@@ -9,7 +9,7 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, Optional, Sequence, Set
+from typing import Dict, List, Optional, Sequence
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -87,7 +87,6 @@ class Nodes:
         self.stakes = Stakes(robot)
         self._settings = robot.settings
         self._health = robot.health
-        self.orphans: Set[str] = set()  # what was left behind
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
 
@@ -206,10 +205,8 @@ class Nodes:
         return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
     def _kill_again(self, node: str) -> List[Said]:
-        """Kill a node that is still accused, and has not returned, or that was left behind."""
+        """Kill a node that is still accused, and has not returned."""
         said: List[Said] = []
-        if node in self.orphans:  # a busy computer may not have found it at once
-            said += self.kills.order(KillNode(node))
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
@@ -218,7 +215,6 @@ class Nodes:
         return said
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
-        """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
             found += self._over(each) if isinstance(each, KillOver) else [each]
@@ -266,7 +262,6 @@ class Nodes:
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)
             return commands
-        self.orphans.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
@@ -311,7 +306,6 @@ class Nodes:
         return self._cases[node].trust
 
     def _may_restart(self, node: str) -> bool:
-        """Tell that a node would be started again if its policy is that."""
         trust = self._cases[node].trust
         used_up = trust.exhausted or trust.restarts >= self._settings.node_restarts
         return not used_up and not self.kept_out(node)
@@ -414,7 +408,6 @@ class Nodes:
         self._trust(record.node, case, record.trust)
 
     def _trust(self, node: str, case: Case, trust: Trust) -> None:
-        """Change the trust in a node, and write that down."""
         if trust == case.trust:
             return
         case.trust = trust

@@ -44,7 +44,7 @@ class Processes:
         self._robot = robot
         self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
         self.placement = Placement(robot.computers, self._placed, lambda: robot.som)
-        self._shared: Dict[str, bool] = {}  # processes that several share; another may join
+        self._shared: Dict[str, None] = {}  # processes that several share
         self._alone: Set[str] = set()  # services whose hot substitute has its own process
 
     @property
@@ -119,7 +119,7 @@ class Processes:
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
-            roomy = (each for each, room in self._shared.items() if room)
+            roomy = (each for each in self._shared if len(self._services[each]) < self._most)
             fits = (n for n in roomy if service.node not in self._services[n].values())
             node = next(fits, "")
         elif node:
@@ -152,7 +152,7 @@ class Processes:
         if host:
             self._robot.elsewhere[node] = host
         if shared:
-            self._shared[node] = len(services) < self._most
+            self._shared[node] = None
         elif standby(service) is Standby.HOT:
             self._alone.add(service.name)
 
@@ -177,22 +177,20 @@ class Processes:
         shared = node in self._shared
         self.wanted.set(shared_key(node, service) if shared else node, None)
         if services:
-            self._shared[node] = True
             return []
         self._forget(node)
         return [events.StopSubstitute(node)]
 
-    def exited(self, event: events.ProcessExited) -> Tuple[Tuple[str, ...], List[Command]]:
-        """Note that a process has ended by itself. Returns whom it has worked for."""
-        node, served = event.node, self.served(event.node)
+    def exited(self, node: str, why: str) -> List[Command]:
+        """Note that a process has ended by itself."""
         self.starts.over(node)
         if node in self.pool.processes:
-            self.pool.died(event.time, node)
+            self.pool.died(self._robot.time, node)
             self._forget(node)
-            return (), [Log(Level.WARN, f"An idle substitute failed: {event.told}.")]
-        for name in served:
+            return [Log(Level.WARN, f"An idle substitute failed: {why}.")]
+        for name in self.served(node):
             self.leave(name, node)
-        return served, []
+        return []
 
     def tells(self, node: str, heard: bool) -> List[Command]:
         """Note how a process does, and replace an idle one that hangs; services replace theirs."""
@@ -313,6 +311,11 @@ class Substitute:
         return self.plan is not None and self.plan.computes
 
     @property
+    def vain(self) -> FrozenSet[Plan]:
+        """Return the plans that were tried in vain, if the one that is followed is in vain too."""
+        return self.tried if self.plan is None else self.tried | {self.plan}
+
+    @property
     def whole(self) -> bool:
         """Tell that it computes all values of the service."""
         return self.plan is not None and self.plan.computes and not self.plan.left_out
@@ -334,12 +337,10 @@ class Substitute:
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
-        tried = self.tried if self.plan is None else self.tried | {self.plan}
         excluded = self._robot.health.doomed | {faulty}
-        try:
-            return self._robot.planner.plan(service, excluded, tried)
-        except ShsaError:
-            return None
+        with suppress(ShsaError):
+            return self._robot.planner.plan(service, excluded, self.vain)
+        return None
 
     def better(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return a plan that errs clearly less by now than the one followed; None: there is none.
@@ -349,7 +350,7 @@ class Substitute:
         planner, plan, found = self._robot.planner, self.plan, None
         if plan is None or not planner.errs_more(plan):
             return None
-        tried, excluded = self.tried | {plan}, self._robot.health.doomed | {faulty}
+        tried, excluded = self.vain, self._robot.health.doomed | {faulty}
         with suppress(ShsaError):
             for _ in range(LOOKED_AT):
                 another = planner.plan(service, excluded, tried)
@@ -433,9 +434,8 @@ class Substitute:
         Its plan counts as tried at once if `tried`; else after it died more than `restarts` times.
         """
         self._deaths += 1
-        if self.plan is not None and (tried or self._deaths > self._robot.settings.restarts):
-            self.tried |= {self.plan}
-            self._deaths = 0
+        if tried or self._deaths > self._robot.settings.restarts:
+            self.tried, self._deaths = self.vain, 0
         return self.drop()
 
     def forget(self) -> None:

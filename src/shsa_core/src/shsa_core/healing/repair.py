@@ -150,8 +150,8 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     if another is None:
         return [service.log(f"{text}, and there is no other.")]
     said = service.log(f"{text}. The next best takes its place.")
-    if not well and substitute.plan is not None:
-        substitute.tried |= {substitute.plan}
+    if not well:
+        substitute.tried = substitute.vain
         return [said, *heal(service)]
     service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
     return [*substitute.use(spec, another), said]
@@ -161,8 +161,8 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow a plan that errs clearly less by now, as another derivation contradicts this one."""
     substitute = service.substitute
     another = substitute.better(service.spec, service.incident.faulty_node)
-    assert another is not None and substitute.plan is not None
-    substitute.tried |= {substitute.plan}
+    assert another is not None
+    substitute.tried = substitute.vain
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
     return [service.log(text), *follow(service, another)]
 

@@ -314,7 +314,6 @@ class ServiceMachine:
         return self._move(f"{self.node} moves to {host or 'our own computer'}")
 
     def _move(self, why: str) -> List[Command]:
-        """Set another process to work, on another computer."""
         commands = [*self.substitute.drop(), self.log(f"the substitute {why}.")]
         well = self.state is State.WELL
         return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
@@ -374,7 +373,6 @@ class ServiceMachine:
         return self.fire(Trigger.FIRST_MESSAGE)
 
     def _speaks_again(self) -> bool:
-        """Tell that the faulty node is there again since it was killed."""
         row = self.robot.health.row((self.spec.topic, self.incident.faulty_node))
         gone = self.incident.killed
         return row is not None and gone is not None and not row.has_failed and row.since > gone

@@ -11,15 +11,8 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
-from shsa_core.healing.kill import KillNode
-from shsa_core.healing.records import (
-    Counters,
-    Fate,
-    Healthy,
-    NodeRecord,
-    RestartedNode,
-    ServiceRecord,
-)
+from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, RestartedNode
+from shsa_core.healing.records import ServiceRecord
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Policy
@@ -58,13 +51,11 @@ def started(core: Core, event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        core.nodes.orphans.add(node)
-        commands += core.nodes.kills.order(KillNode(node))
+        commands.append(events.ClearNode(node))
     return commands
 
 
 def _take_up(core: Core, event: events.Started) -> List[Command]:
-    """Go on with the records."""
     robot, services = core.robot, core.robot.som.services
     health, processes = robot.health, core.processes
     stand = [each for each in event.records if isinstance(each, ServiceRecord)]
@@ -188,7 +179,6 @@ def _set_timer(service: ServiceMachine) -> None:
 
 
 def _withdrawn(incident: Incident, time: float) -> Command:
-    """End the incident of a service that is not in the SOM any more."""
     if incident.ended is None:
         why = f"{incident.service} is not in the SOM any more."
         incident = replace(incident, state=State.ENDED, ended=time, detail=why)

@@ -19,8 +19,8 @@ class MachineKind:
     """A class of machines, and the codecs of its events, its commands and its setup.
 
     A machine has `handle(event)`, which returns commands: the same for the same events in the same
-    order. `make` is the class; its arguments are the setup, those `required` have no default. `events` and
-    `commands` are unions. Raises TypeError if one of these types cannot be written.
+    order. `make` is the class; its arguments are the setup, those `required` have no default.
+    `events` and `commands` are unions. Raises TypeError if one of these cannot be written.
     """
 
     def __init__(self, name: str, make: Callable[..., Any], events: Any, commands: Any) -> None:

@@ -69,7 +69,6 @@ class RecordFile:
             self._tell(None)
 
     def _write_anew(self) -> None:
-        """Write the whole beside the file, and put it in its place."""
         self.close()
         beside = self._path + ".new"
         with contextlib.suppress(FileNotFoundError):

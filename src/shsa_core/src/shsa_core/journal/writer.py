@@ -108,7 +108,6 @@ class JournalWriter:
         self._end("closed")
 
     def _drain(self) -> None:
-        """Write what waits now."""
         count = len(self._waiting)
         try:
             if count > WAITING:
@@ -126,7 +125,6 @@ class JournalWriter:
             self._stop(str(error))
 
     def _line(self, record: Any) -> bytes:
-        """Return the line of an event, or of the commands that answer it."""
         if not isinstance(record, list):
             return write_line(self._kind.events.encode(record))
         names, told = digest(self._kind.commands, record)
@@ -138,7 +136,6 @@ class JournalWriter:
         write_all(self._file, data)
 
     def _end(self, why: str) -> None:
-        """End the recording in order."""
         if self.recording:
             try:
                 self._write(write_line({END: why}))
@@ -147,7 +144,6 @@ class JournalWriter:
             self._close_file()
 
     def _stop(self, why: str) -> None:
-        """End the recording where it is."""
         if self.recording:
             self._close_file()
             self._warn(f"The journal {self._path} cannot be written: {why}.")
