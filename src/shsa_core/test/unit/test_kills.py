@@ -149,7 +149,7 @@ def test_a_process_that_does_not_end_may_still_run() -> None:
     kills = begun()
     found(kills, Where.STOPPED)
     _, over = kills.passed(11.0)
-    assert over and over.outcome is Outcome.UNSURE and over.detail == "its process does not end"
+    assert over and over.outcome is Outcome.UNSURE and over.detail == "it does not end"
 
 
 def test_a_process_of_somebody_else_may_still_run() -> None:

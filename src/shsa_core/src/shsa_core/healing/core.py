@@ -94,14 +94,12 @@ class Core:
         commands: List[Command] = []
         for each in said:
             if isinstance(each, KillOver):
-                commands += self._tell(each)
+                kill = each
+                self.unsettle_node(kill.node)
+                commands += self.ask_accusers(kill.node, lambda service: service.heed(kill))
             else:
                 commands.append(each)
         return commands
-
-    def _tell(self, kill: KillOver) -> List[Command]:
-        self.unsettle_node(kill.node)
-        return self.ask_accusers(kill.node, lambda service: service.heed(kill))
 
     def ask_accusers(self, node: str, ask: Ask) -> List[Command]:
         """Have those services decide that accuse a node."""

@@ -207,13 +207,9 @@ class Kills:
                 said += self._force(time, node, kill)
             elif kill.where is None and kill.order.period:
                 said += self.unreached(time, node, "its computer does not say how it does")
-            elif kill.where is Where.ELSEWHERE:
-                does = "does not end" if kill.answered else "does not answer"
-                why = f"it runs on another computer and {does}"
-                said += self._over(time, node, False, why)
             else:
-                lost = "it could not be found in time"
-                why = lost if kill.where is None else "its process does not end"
+                ends = "it does not end" if kill.answered or kill.forced else "it does not answer"
+                why = "it could not be found in time" if kill.where is None else ends
                 if not kill.order.if_dead:
                     tries = self._tries[node] = self._tries.get(node, -1) + 1
                     self.again.set(node, time + self._settings.paused(tries))
@@ -291,7 +287,7 @@ class Kills:
             return seen, LINK
         if strained:
             return seen, STRAINED
-        if time - began >= limits.STEADY_S:
+        if time - began >= 2.0 * CERTAIN_S:  # so did two more looks
             return None
         self._slow[node] = began
         return seen, PASSES

@@ -432,13 +432,7 @@ class ServiceMachine:
         name = self.spec.name
         if bool(self.node) != (self.substitute.plan is not None):
             raise ShsaError(f"{name}: a process without a plan, or the other way round")
-        due = {
-            State.WELL: {Trigger.RETRY},
-            State.HEALING: {Trigger.LATE, Trigger.REPLAN},
-            State.RETURNING: {Trigger.STEADY},
-            **dict.fromkeys(WAITING, {Trigger.RETRY}),
-        }.get(self.state, set())
-        if not set(self.timers) <= due:
+        if any((self.state, each) not in self._transitions for each in self.timers):
             raise ShsaError(f"{name}: {self.state} with the timers {set(self.timers)}")
         if self.state in WAITING and Trigger.RETRY not in self.timers:
             raise ShsaError(f"{name}: {self.state}, and nothing will ever be tried again")

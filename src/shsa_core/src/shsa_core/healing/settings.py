@@ -55,7 +55,6 @@ FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 # To answer and for a process to end; as roslaunch: after it was asked, and after SIGTERM.
 EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
 LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
-STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
 
 # Processes of substitutes.
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message

@@ -28,7 +28,6 @@ WAITING = 100_000
 """Records that may wait for the disk; more end the recording."""
 BATCH = 50
 """Lines that are made at once, before other threads have their turn."""
-CLOSE_TIMEOUT_S = 2.0
 
 Handle = Callable[[Any], Sequence[Any]]
 """Handles an event of a machine; returns its commands."""
@@ -99,7 +98,7 @@ class JournalWriter:
         """Write what is left, and that the recording was ended in order."""
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(CLOSE_TIMEOUT_S)
+            self._thread.join(10.0 * WRITE_PERIOD_S)
 
     def _work(self) -> None:
         while self.recording and not self._closing.wait(WRITE_PERIOD_S):
