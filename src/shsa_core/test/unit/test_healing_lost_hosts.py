@@ -111,16 +111,6 @@ def test_what_no_warm_service_needs_any_more_does_not_stay_on_a_lost_computer() 
     assert row.node in stopped(lost(robot, 10.0, BOARD)) and robot.idle_rows() == []
 
 
-def test_a_substitute_that_has_ended_on_a_lost_computer_is_not_told_to() -> None:
-    robot = distributed()
-    robot.fail("/a", A, 10.0)
-    robot.killed(10.1, A)
-    node = takes_over(robot, 10.5)
-    lost(robot, 20.0, BOARD)
-    assert stopped(robot.handle(events.ProcessExited(20.1, node, "status 0"))) == []
-    assert node not in stopped(seen(robot, 30.0, BOARD))
-
-
 # The node's computer is lost
 
 

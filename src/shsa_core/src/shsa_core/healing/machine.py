@@ -43,10 +43,9 @@ class Reconfigurator:
         ontology: the relations to search.
         som: the services; may change later by SomChanged.
         settings: times and limits.
-        namespace: where healing runs: relative names are in it, and so are the substitutes' names,
-            which are never used twice.
+        namespace: where healing runs: relative names are in it, and the substitutes' names.
         dry_run: advise, whatever the SOM says: nothing is killed or started.
-        restarts: whether nodes may be started again; else their policy counts as the rest of it.
+        restarts: nodes may be started again; else their policy counts as the rest of it.
         host: the name in the SOM of the computer that we run on; empty: not known.
     """
 
@@ -341,15 +340,17 @@ class Reconfigurator:
         return [events.StopNode(event.node)] if ours else []
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        served = self._processes.served(event.node)
-        why = f"its process {'died' if event.started else 'was not started'} ({event.detail})"
-        commands = self._processes.exited(event.node, why)
-        return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
+        what = "died" if event.started else "was not started"
+        return self._process_failed(event.node, f"its process {what} ({event.detail})")
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
-        served = self._processes.served(event.node) if not event.heard else ()
-        commands = self._processes.tells(event.node, event.heard)
-        why = "its process gives no sign of life"
+        if event.heard:
+            return self._processes.heard(event.node)
+        return self._process_failed(event.node, "its process gives no sign of life")
+
+    def _process_failed(self, node: str, why: str) -> List[Command]:
+        served = self._processes.served(node)
+        commands = self._processes.failed(node, why)
         return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
@@ -360,12 +361,11 @@ class Reconfigurator:
         if service is None:
             return []
         originals = self.robot.health.originals(self.robot.som, service)
-        healthy = [row for row in originals if row.is_well]
-        node = healthy[0].publisher if healthy else service.node
-        last_good = healthy[0].last_good if healthy else None
+        well = next((row for row in originals if row.is_well), None)
+        node, last_good = (well.publisher, well.last_good) if well else (service.node, None)
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
-        return hearing.failed(self._core, failure, told=True)
+        return hearing.failed(self._core, failure)
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""

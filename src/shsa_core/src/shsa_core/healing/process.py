@@ -181,33 +181,22 @@ class Processes:
         self._forget(node)
         return [events.StopSubstitute(node)]
 
-    def exited(self, node: str, why: str) -> List[Command]:
-        """Note that a process has ended by itself."""
+    def heard(self, node: str) -> List[Command]:
+        """Note that a process gives a sign of life."""
         self.starts.over(node)
         if node in self.pool.processes:
-            self.pool.died(self._robot.time, node)
-            self._forget(node)
-            return [Log(Level.WARN, f"An idle substitute failed: {why}.")]
-        for name in self.served(node):
-            self.leave(name, node)
+            self.pool.heard.add(node)
         return []
 
-    def tells(self, node: str, heard: bool) -> List[Command]:
-        """Note how a process does, and replace an idle one that hangs; services replace theirs."""
-        idle = node in self.pool.processes
-        if heard:
-            self.starts.over(node)
-            self.pool.heard.update([node] if idle else [])
-        elif idle:
-            text = f"{node} hangs. It is ended and replaced."
-            return [*self.drop_idle(node), Log(Level.WARN, text)]
-        return []
-
-    def drop_idle(self, node: str) -> List[Command]:
-        """End an idle process."""
-        self.pool.drop(node)
+    def failed(self, node: str, why: str) -> List[Command]:
+        """Replace an idle process that has ended, or hangs; services replace theirs."""
+        self.starts.over(node)
+        if node not in self.pool.processes:
+            return []
+        self.pool.died(self._robot.time, node)
         self._forget(node)
-        return [events.StopSubstitute(node)]
+        text = f"An idle substitute failed: {why}."
+        return [events.StopSubstitute(node), Log(Level.WARN, text)]
 
     def _forget(self, node: str) -> None:
         self._services.pop(node, None)
@@ -238,7 +227,9 @@ class Processes:
         if not self.pool.plans and not self.pool.processes:
             return commands
         for node in self.pool.surplus(self._robot.computers):
-            commands += self.drop_idle(node)
+            self.pool.drop(node)
+            self._forget(node)
+            commands.append(events.StopSubstitute(node))
         host = None if time < self.starts.held_until else self.pool.due(time)
         while host is not None:
             command = events.StartSubstitute(self._robot.names.fresh("standby"), None, host=host)
