@@ -30,7 +30,7 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     topic, publisher = event.topic, event.publisher
     served = core.processes.served(publisher)
     service = _service_of(core, event, served)
-    if robot.ending or service is None:
+    if service is None:
         return []
     name = service.name
     if publisher in robot.health.substitutes and name not in served:
@@ -171,8 +171,6 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         for service in robot.on(host):
             core.unsettle([service.name])
     commands += core.deliver(core.nodes.computer_heard(host))
-    lacking = [name for name in robot.indexes.stuck if core.services[name].place is None]
-    commands += core.ask_all(lacking, lambda each: each.replan())
     for name in list(robot.indexes.kept):  # its silence may be its own by now
         waited = robot.som.services[name]
         if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:

@@ -30,6 +30,8 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
+LAST = (events.ShuttingDown, events.StarterEnded)
+"""What is heeded although the robot's launch ends: what stops then does so on purpose."""
 NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
@@ -114,7 +116,7 @@ class Reconfigurator:
     def handle(self, event: Event) -> List[Command]:
         """Return what is to be done about `event`."""
         robot, processes = self.robot, self._processes
-        if self._over:
+        if self._over and not isinstance(event, LAST):
             return []  # nobody would stop what is started now
         robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
         self._core.forget_ended()
@@ -285,8 +287,7 @@ class Reconfigurator:
         return ended + [events.StopNode(each.node) for each in ours]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
-        """Heal nothing from now on: what stops does so on purpose."""
-        self.robot.ending = True
+        self._over = True
         self._processes.starts.waiting.clear()
         return []
 
@@ -325,7 +326,7 @@ class Reconfigurator:
 
     def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
         self._nodes.left_in_order(event.node)
-        return self._core.ask_accusers(event.node, lambda each: each.show_trust())
+        return self._core.ask_accusers(event.node, lambda each: each.step())
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
@@ -412,7 +413,7 @@ class Reconfigurator:
             if node:
                 owners[node] = name
             nodes, faulty = self._nodes, incident.faulty_node
-            if state is State.HEALING and not (machine.timers or robot.ending):
+            if state is State.HEALING and not machine.timers:
                 if not (nodes.awaited(faulty) or nodes.kills.under_way(faulty)):
                     raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states.rows[name].available:

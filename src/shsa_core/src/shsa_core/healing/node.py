@@ -371,7 +371,7 @@ class Nodes:
 
     def _return_due(self, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
-        specs = map(self._robot.spec, () if self._robot.ending else tuple(case.accusations))
+        specs = map(self._robot.spec, tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
         due = self._robot.time + self._settings.restart_timeout if starts and own else None

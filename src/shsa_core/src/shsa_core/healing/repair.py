@@ -15,7 +15,7 @@ from shsa_core.healing.records import Fate
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
-from shsa_core.planning.placement import HERE, NoRoom
+from shsa_core.planning.placement import HERE
 from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
@@ -201,7 +201,6 @@ def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
             service.place = substitute.place(spec, plan)
         return plan, NOT_MISSED
     except ShsaError as none:
-        service.place = None if isinstance(none, NoRoom) else HERE
         return None, none
 
 
@@ -219,7 +218,7 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
-    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place or HERE
+    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place
     commands = substitute.use(spec, plan, place, publishes)
     starts = bool(commands)
     if spec.standby is Standby.WARM and starts:

@@ -71,8 +71,7 @@ class Robot:
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
     those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
-    `ending`: the launch of the robot ends, and nothing is healed or started any more. `dry_run`:
-    nothing is killed or started; `restarts`: nodes may be started again.
+    `dry_run`: nothing is killed or started; `restarts`: nodes may be started again.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
-        self.maintained = self.ending = self.dry_run = False
+        self.maintained = self.dry_run = False
         self.restarts = True
         self.elsewhere: Dict[str, str] = {}
         self.names = Names(namespace)

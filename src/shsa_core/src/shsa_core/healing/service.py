@@ -23,7 +23,7 @@ from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
-from shsa_core.planning.placement import HERE, Place
+from shsa_core.planning.placement import HERE
 
 
 Failure = Optional[FailureSeen]
@@ -41,7 +41,7 @@ class ServiceMachine:
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
     `spec`: the service as it counts now. `accusation`: what is held against the node that the
     incident blames. `last_message`: the last good one of the service, serialized. `place`: where
-    its substitute runs, or would; None: there is a plan, and no computer for it.
+    its substitute runs, or would.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class ServiceMachine:
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
-        self.place: Optional[Place] = HERE
+        self.place = HERE
         self.last_message = b""
         self._message_came = -math.inf
         self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
@@ -229,10 +229,6 @@ class ServiceMachine:
         self.start_node()
         text = f"{event.node} cannot be started again: {event.detail}."
         return [self.log(text, Level.ERROR), *self.replan()]
-
-    def show_trust(self) -> List[Command]:
-        """Show that the faulty node is kept out no more."""
-        return self.step() if self.incident.kept_out is not self.kept_out else []
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
