@@ -331,7 +331,7 @@ def test_a_silent_node_on_another_computer_is_left_alone_and_nobody_waits_for_it
     assert only(robot.table(10.51), events.FindNode).node == A
     commands = robot.handle(events.NodeFound(10.52, A, events.Where.ELSEWHERE))
     assert not has(commands, events.AskToLeave) and publishing(robot) == (True,)
-    assert "left alone there" in last_incident(commands).detail
+    assert "no agent says" in last_incident(commands).detail
     robot.row("/a", A, "healthy", 12.0)  # the link is up again
     assert last_incident(robot.table(12.0)).state is State.RETURNING
 

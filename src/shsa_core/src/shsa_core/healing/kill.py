@@ -243,10 +243,10 @@ class Kills:
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")
-        if where is Where.UNKNOWN and order.period:
-            return self.unreached(time, node, event.detail or "nothing can be verified there")
         if where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
+            if order.period:
+                return self.unreached(time, node, why)
             return self._over(time, node, False, why)
         if where is Where.HERE and order.period:
             strained = self._robot.computers.strained(self._robot.host_of(node))
@@ -255,12 +255,9 @@ class Kills:
                 return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
             return [*self._force(time, node, kill)]
-        if where is Where.ELSEWHERE and order.period and not order.only_here:
-            return self.unreached(time, node, "no agent says how it does on its computer")
-        if where is Where.ELSEWHERE and order.only_here:
+        if where is Where.ELSEWHERE and (order.period or order.only_here):
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
-            why = "it is silent on another computer, and left alone there"
-            return self._over(time, node, False, why)
+            return self.unreached(time, node, "no agent says how it does on its computer")
         quick = where is Where.HERE and order.quick
         self.agenda.set(
             node, time + (self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S)
