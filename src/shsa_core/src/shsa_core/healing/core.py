@@ -35,14 +35,14 @@ class Core:
         self.services: Dict[str, ServiceMachine] = {}
         self.asked: Agenda[str] = Agenda()
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
-        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
+        self._unsettled: Dict[str, None] = {}  # services whose availability may have changed
         self._ended: Dict[str, str] = {}  # records whose incident has ended, and the services
 
     def add(self, service: Service) -> None:
         """Heal a service from now on."""
         parts = self.robot, self.nodes, self.processes
         self.services[service.name] = ServiceMachine(service, *parts, TRANSITIONS)
-        self.unsettle([service.name], another=True)
+        self.unsettle([service.name])
 
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
@@ -111,15 +111,12 @@ class Core:
         robot, indexes = self.robot, self.robot.indexes
         while self._unsettled:
             names, self._unsettled = self._unsettled, {}
-            looks = [
-                robot.availability.look(robot.som, name, self.missing(name), another)
-                for name, another in names.items()
-            ]
+            look = robot.availability.look
+            looks = [look(robot.som, name, self.missing(name)) for name in names]
             gone = [before for before, _ in looks if before is not None]
             come = [after for _, after in looks if after is not None]
             robot.planner.plans.change(gone, come)
-            others = [name for name, another in names.items() if another]
-            readers = indexes.readers((*others, *(each.name for each in gone)))
+            readers = indexes.readers(each.name for each in gone)
             commands += self.ask_all(readers, lambda each: each.changed())
             if come:
                 waiting = dict.fromkeys((*indexes.stuck, *indexes.kept))
@@ -136,10 +133,9 @@ class Core:
         lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
         return f"{service.host} is lost: {lost}" if lost else ""
 
-    def unsettle(self, names: Iterable[str], another: bool = False) -> None:
-        """Look again whether some services are available; `another`: they are other ones now."""
-        for name in names:
-            self._unsettled[name] = another or self._unsettled.get(name, False)
+    def unsettle(self, names: Iterable[str]) -> None:
+        """Look again whether some services are available."""
+        self._unsettled.update(dict.fromkeys(names))
 
     def unsettle_node(self, node: str) -> None:
         """Look again at the services that a node publishes."""

@@ -274,12 +274,11 @@ class Availability:
         self._health = health
 
     def look(
-        self, som: Som, name: str, why: str, another: bool
+        self, som: Som, name: str, why: str
     ) -> Tuple[Optional[Service], Optional[Service]]:
         """Look at a service again: return it as it is available no more, and as it is now.
 
-        `why` it is not available whoever is well, empty: it may be. `another`: it is another
-        service now, though it may look the same.
+        `why` it is not available whoever is well, empty: it may be.
         """
         before, service = self.services.pop(name, None), som.services.get(name)
         self.unavailable.discard(name)
@@ -292,7 +291,7 @@ class Availability:
             self.unavailable.add(name)
             return before, None
         service = replace(service, node=state.node)
-        if service == before and not another:
+        if service == before:
             self.services[name] = before
             return None, None
         self.services[name] = service

@@ -228,7 +228,7 @@ class Reconfigurator:
         self.robot.calibrations.forget(name)
         self._processes.no_stand_by(name)
         self._core.agenda.set(name, None)
-        self._core.unsettle([name], another=True)
+        self._core.unsettle([name])
         return commands
 
     def _offer(self, service: Service) -> None:
@@ -263,7 +263,7 @@ class Reconfigurator:
                 continue
             beside = len(old.of_topic(topic)) > 1, len(som.of_topic(topic)) > 1
             if old.services[name] != service or beside[0] is not beside[1]:
-                self._core.unsettle([name], another=True)
+                self._core.unsettle([name])
                 self._offer(service)
                 close = not service.needed
                 commands += self._core.ask(
