@@ -273,9 +273,7 @@ class Availability:
         self.states: Table[ServiceState, ShowSom] = Table(ShowSom)
         self._health = health
 
-    def look(
-        self, som: Som, name: str, why: str
-    ) -> Tuple[Optional[Service], Optional[Service]]:
+    def look(self, som: Som, name: str, why: str) -> Tuple[Optional[Service], Optional[Service]]:
         """Look at a service again: return it as it is available no more, and as it is now.
 
         `why` it is not available whoever is well, empty: it may be.

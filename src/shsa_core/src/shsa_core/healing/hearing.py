@@ -63,12 +63,9 @@ def _service_of(core: Core, event: FailureSeen, served: Tuple[str, ...]) -> Opti
 
 
 def _substituted(core: Core, topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
-    """Return the services of a topic that the substitutes in a process work for.
-
-    One that is nobody else's may have advertised other topics before it was set to work.
-    """
+    """Return the services of a topic that the substitutes in a process work for."""
     services = core.robot.som.services
-    if len(served) == 1:
+    if len(served) == 1:  # it may have advertised other topics before it was set to work
         return served
     return tuple(name for name in served if services[name].topic == topic)
 

@@ -157,11 +157,7 @@ class Processes:
             self._alone.add(service.name)
 
     def _shares(self, service: Service, plan: Plan) -> bool:
-        """Tell that the substitute of a hot service shares a process.
-
-        What is latched, or comes at no period, is told once to a process: who joins later would not
-        hear it.
-        """
+        """Tell that a substitute may join others, whose process hears what is latched once only."""
         crowded = 0 < self._most <= len(self._alone - {service.name})
         return crowded and all(source.service.period is not None for source in plan.inputs)
 

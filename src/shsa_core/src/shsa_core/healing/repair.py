@@ -161,7 +161,8 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
     """Follow a plan that errs clearly less by now, as another derivation contradicts this one."""
     substitute = service.substitute
     another = substitute.better(service.spec, service.incident.faulty_node)
-    assert another is not None
+    if another is None:
+        return []
     substitute.tried = substitute.vain
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
     return [service.log(text), *follow(service, another)]

@@ -100,16 +100,10 @@ class ServiceMachine:
         return bool(self.substitute.host or (host and self.robot.computers.name(host)))
 
     @property
-    def kept_out(self) -> bool:
-        """Tell that the faulty node may not return."""
-        node = self.incident.faulty_node
-        return self.state is not State.WELL and self.nodes.kept_out(node)
-
-    @property
     def refuses(self) -> bool:
         """Tell that the faulty node is gone, and may not return."""
         gone = self.incident.killed is not None and self.state is not State.RETURNING
-        return gone and self.kept_out
+        return gone and self.nodes.kept_out(self.incident.faulty_node)
 
     @property
     def originals(self) -> Tuple[PublisherHealth, ...]:
@@ -232,7 +226,7 @@ class ServiceMachine:
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
-        if self.incident.state is not State.RETURNING and not self.kept_out:
+        if self.incident.state is not State.RETURNING and not self.nodes.kept_out(event.node):
             self.start_node()
         commands: List[Command] = []
         count = self.nodes.refusals(event.node)
@@ -342,9 +336,7 @@ class ServiceMachine:
 
     def outgrown(self) -> List[Command]:
         """Change the plan of a substitute if another one errs clearly less by now."""
-        healed, faulty = self.state is State.HEALED, self.incident.faulty_node
-        better = self.substitute.better(self.spec, faulty) if healed else None
-        return [] if better is None else self.fire(Trigger.OUTGROWN)
+        return self.fire(Trigger.OUTGROWN) if self.state is State.HEALED else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
@@ -411,9 +403,8 @@ class ServiceMachine:
     def _bridge(self) -> float:
         """Return the silence in s after which a substitute that stands by fills in; 0: never.
 
-        It does while the original may speak: while the service is well, until the original is
-        killed, even if a bridge was heard by then, and from its return. Not on a shared topic,
-        where somebody else is heard; nor from another computer, where what is late may be the link.
+        It does while the original may speak. Not on a shared topic, where somebody else is heard;
+        nor from another computer, where what is late may be the link.
         """
         spec, robot = self.spec, self.robot
         if robot.maintained or self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):

@@ -124,11 +124,7 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
 
 
 def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[Command]:
-    """Go on with a service as a record says; `runs`: the substitute's process does.
-
-    A node whose kill was not over is judged again once the monitor tells that it still fails:
-    under its name there may be another process by now.
-    """
+    """Go on with a service as a record says; `runs`: the substitute's process does."""
     spec, robot, substitute = service.spec, service.robot, service.substitute
     incident, row = record.incident, record.substitution
     shown: List[Command] = [] if incident is None else [ShowIncident(incident)]
@@ -144,7 +140,7 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         accused.decision, accused.back = incident.decision, incident.state is State.RETURNING
         if incident.killed is not None:
             accused.fate = Fate.NONE
-        elif record.fate is not Fate.KILLED:
+        elif record.fate is not Fate.KILLED:  # else it may be another process by now
             accused.fate = record.fate
     commands = substitute.drop() + shown  # it may stand by for us already
     plan = None

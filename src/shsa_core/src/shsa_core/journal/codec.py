@@ -180,10 +180,7 @@ def _read_union(types: Sequence[Any]) -> Read:
 
 
 def _read_object(types: Iterable[Any]) -> Read:
-    """Read an object of one of some dataclasses, or of one that is derived from them.
-
-    Where only one is possible, its class need not be told.
-    """
+    """Read an object of some dataclasses and those derived; where there is one, it is not named."""
     classes = [each for type_ in types for each in _descent(type_)]
     fields = {each.__name__: (each, _fields(each)) for each in classes}
     if len(fields) < len(classes):
