@@ -49,8 +49,7 @@ def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None
     incident = last_incident(robot.fail("/a", A, 10.0))
     assert incident.state is State.UNHEALED and "board has no room: 4 busy + " in incident.detail
     assert not has(seen(robot, 10.1, BOARD, load=4.0), events.ShowIncident)
-    seen(robot, 11.9, BOARD, load=1.0)
-    assert only(robot.handle(events.Tick(12.1)), events.StartSubstitute).host == BOARD
+    assert only(seen(robot, 12.1, BOARD, load=1.0), events.StartSubstitute).host == BOARD
 
 
 def test_what_was_just_placed_counts_before_the_load_shows_it() -> None:

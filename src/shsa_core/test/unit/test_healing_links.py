@@ -14,10 +14,13 @@ from shsa_core.planning.settings import CERTAIN_S
 
 def asked(robot: Robot, time: float, rate: Optional[float]) -> List[events.Command]:
     """The Pi is heard beside A's silence, is asked for A, and says what A sends there."""
-    commands = steady(robot, time, time + CERTAIN_S + 0.5, PI)
+    late, commands = time + 3.0 * CERTAIN_S, seen(robot, time, PI)
+    while not has(commands, events.FindNode) and time < late:
+        time += 0.5
+        commands = seen(robot, time, PI)
     find = only(commands, events.FindNode)
     assert (find.node, find.topic) == (A, "/a") and find.listen > 0.0
-    time += CERTAIN_S + 1.0
+    time += 1.0
     return robot.handle(events.NodeFound(time, A, events.Where.HERE, rate=rate))
 
 

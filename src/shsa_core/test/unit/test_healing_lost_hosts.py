@@ -158,7 +158,7 @@ def test_a_wrong_node_on_a_lost_computer_may_still_run_and_is_killed_when_it_is_
     assert publishing(robot) == (True,)  # it is not heard here
     incident = last_incident(commands)
     assert incident.killed is None and "may still run" in incident.detail
-    assert only(seen(robot, 18.0, PI), events.FindNode).node == A
+    assert only(steady(robot, 18.0, 20.6, PI), events.FindNode).node == A
 
 
 def test_a_kill_that_is_under_way_when_the_computer_is_lost_is_finished_later() -> None:
@@ -168,7 +168,7 @@ def test_a_kill_that_is_under_way_when_the_computer_is_lost_is_finished_later() 
     commands = lost(robot, 10.5, PI)
     assert "/a_node may still run: pi is lost: its agent is silent." in str(commands)
     assert publishing(robot) == (True,)
-    assert only(seen(robot, 18.0, PI), events.FindNode).node == A
+    assert only(steady(robot, 18.0, 20.6, PI), events.FindNode).node == A
 
 
 def test_a_node_that_is_to_start_again_on_a_lost_computer_is_waited_for() -> None:
@@ -177,9 +177,9 @@ def test_a_node_that_is_to_start_again_on_a_lost_computer_is_waited_for() -> Non
     lost(robot, 10.5, PI)
     incident = robot.core.incident("a")
     assert incident is not None and incident.state is State.HEALING
-    seen(robot, 18.0, PI)
-    robot.killed(18.1, A)
-    assert only(robot.handle(events.Tick(18.7)), events.RestartNode).node == A
+    steady(robot, 18.0, 20.6, PI)
+    robot.killed(20.6, A)
+    assert only(robot.handle(events.Tick(21.2)), events.RestartNode).node == A
 
 
 def test_where_nobody_says_on_which_computer_a_node_is_it_is_left_alone() -> None:

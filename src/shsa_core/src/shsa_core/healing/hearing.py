@@ -5,8 +5,7 @@ fact. A computer is lost when its agent is not heard. Only then it can be told f
 failure, and a node's silence is found sooner: what was decided in between is looked at again. Its
 monitor is lost with it, and nobody tells then of what only that watched: it is asked for its whole
 table, and if that does not come, those that it watched count as silent. When the computer is back,
-it is asked again, the kills go on that could not be finished, and its nodes are judged as any that
-return.
+it is asked again, and its nodes are judged as any that return.
 """
 from typing import Dict, Iterable, List, Optional, Tuple
 
@@ -167,7 +166,6 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         commands.append(Log(Level.INFO, f"{host} is back."))
         for service in robot.on(host):
             core.unsettle([service.name])
-    commands += core.deliver(core.nodes.computer_heard(host))
     for name in list(robot.indexes.kept):  # its silence may be its own by now
         waited = robot.som.services[name]
         if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:

@@ -1,6 +1,7 @@
 """Ends a node: asks it first, then ends its process; and says what is certain of that."""
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, NamedTuple, Optional, Tuple, Union
+from math import inf
+from typing import Dict, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing import events, settings as limits
@@ -95,14 +96,6 @@ class _Kill:
         return max(limits.LISTEN_S, limits.LISTEN_PERIODS * period) if period else 0.0
 
 
-class _Pending(NamedTuple):
-    """A kill that waits for a computer; `silent`: until that was heard beside the silence."""
-
-    host: str
-    since: float
-    silent: bool
-
-
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
@@ -118,13 +111,12 @@ class Kills:
         self._health = robot.health
         self._settings = robot.settings
         self._kills: Dict[str, _Kill] = {}
-        self._pending: Dict[str, _Pending] = {}
         self._tries: Dict[str, int] = {}
         self._slow: Dict[str, float] = {}  # there: since when at each look
 
     def under_way(self, node: str) -> bool:
         """Tell that a node is being killed, or that its kill waits."""
-        return node in self._kills or node in self._pending
+        return node in self._kills or self.again.when(node) < inf
 
     def order(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait: a silence must last beside the node's computer."""
@@ -132,33 +124,30 @@ class Kills:
         host = robot.host_of(node) if robot.som.hosts else ""
         waits = order.only_here and (host or not order.quick)
         if waits and robot.computers.reachable(host):
-            self._pending[node] = _Pending(host, robot.time, True)
-            if not host:  # our own is heard all the time
-                self.again.set(node, robot.time + CERTAIN_S)
+            self.wait(node)
             return []
-        self._pending.pop(node, None)
         return self.begin(robot.time, order if host else replace(order, period=0.0))  # no link
 
-    def wait(self, kill: KillOver, host: str, silent: bool) -> None:
-        """Kill a node again once its computer is heard; `silent`: beside its silence."""
-        self._pending[kill.node] = _Pending(host, kill.time, silent)
+    def wait(self, node: str) -> None:
+        """Kill a node later, once its computer was heard beside it."""
+        self.again.set(node, self._robot.time + CERTAIN_S)
 
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
-        self._pending.pop(node, None)
+        self.again.set(node, None)
         self._slow.pop(node, None)
 
-    def heard_of(self, host: str) -> List[str]:
-        """Return the nodes that have waited for a computer for long enough."""
-        steady, time = self._robot.computers.of(host).steady, self._robot.time
-        there = self._robot.computers.reachable(host)
-        due = [
-            node
-            for node, each in self._pending.items()
-            if each.host == host
-            and (not each.silent or time - max(each.since, steady) >= CERTAIN_S)
-        ]
-        return [node for node in due if there and self._pending.pop(node)]
+    def due(self) -> List[str]:
+        """Return the nodes to kill again; those wait on whose computers are not heard for long."""
+        robot, found = self._robot, []
+        for node in self.again.pop_due(robot.time):
+            host = robot.host_of(node)
+            heard = robot.time - robot.computers.of(host).steady >= CERTAIN_S
+            if host and not (robot.computers.reachable(host) and heard):
+                self.wait(node)
+            else:
+                found.append(node)
+        return found
 
     def begin(self, time: float, order: KillNode) -> List[Command]:
         """Kill a node; nothing is done if that is under way, but it may be spared no more."""

@@ -187,16 +187,12 @@ class Nodes:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
         time = self._robot.time
         said = self._outcomes(self.kills.tick(time))
-        for node in self.kills.again.pop_due(time):
+        for node in self.kills.due():
             said += self._kill_again(node)
         for node in self._returns.pop_due(time):
             said += self._return_due(node, self._cases[node])
         said += self.identities.due(time)
         return said
-
-    def computer_heard(self, host: str) -> List[Said]:
-        """Begin the kills that have waited for a computer."""
-        return [said for node in self.kills.heard_of(host) for said in self._kill_again(node)]
 
     def computer_lost(self, host: str, why: str) -> List[Said]:
         """End the kills on a computer that is lost: they go on when it is back."""
@@ -231,13 +227,13 @@ class Nodes:
                 each.kind = Kind.SILENT
             return [kill]
         if kill.outcome is Outcome.WELL:
-            self.kills.wait(kill, host, silent=True)
+            self.kills.wait(node)
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
             return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
-            self.kills.wait(kill, host, silent=all(each.silent for each in accusations))
+            self.kills.wait(node)
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = Fate.NONE
@@ -418,6 +414,7 @@ class Nodes:
     def validate(self) -> None:
         """Raise ShsaError if a node is to be killed, and nothing will happen."""
         for node, case in self._cases.items():
-            killed = any(each.fate is Fate.KILLED for each in case.accusations.values())
+            accused = case.accusations.values()
+            killed = any(each.fate is Fate.KILLED and not each.back for each in accused)
             if killed and not self.kills.under_way(node):
                 raise ShsaError(f"{node} is to be killed, and nothing will ever happen")
