@@ -161,16 +161,18 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
         return []
     lost = bool(computers.lost(host))
     computers.seen(event.time, host, event.load, event.cores, event.sent + event.received)
-    commands: List[Command] = []
+    commands = _decide_anew(core, host)  # a silence may be the node's own by now
     if lost:
-        commands.append(Log(Level.INFO, f"{host} is back."))
-        for service in robot.on(host):
-            core.unsettle([service.name])
-    for name in list(robot.indexes.kept):  # its silence may be its own by now
-        waited = robot.som.services[name]
-        if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:
-            commands += core.ask(name, lambda each: each.replan())
-    return commands + (ask_monitor(core, host) if lost else [])
+        core.unsettle(service.name for service in robot.on(host))
+        commands += [Log(Level.INFO, f"{host} is back."), *ask_monitor(core, host)]
+    return commands
+
+
+def _decide_anew(core: Core, host: str) -> List[Command]:
+    """Have those services decide that wait for their computer."""
+    waiting = [s.name for s in core.robot.on(host) if s.on_partition is OnPartition.WAIT]
+    healing = core.robot.indexes.healing
+    return core.ask_all(filter(healing.__contains__, waiting), lambda each: each.replan())
 
 
 def host_lost(core: Core, event: HostLost) -> List[Command]:
@@ -190,9 +192,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
     commands += core.deliver(core.nodes.computer_lost(host, why))
     _place_warm(core)
     commands += core.ask_all(processes.working_on(host), lambda each: each.rehost())
-    for service in robot.on(host):
-        if service.on_partition is OnPartition.WAIT and service.needed:
-            commands += core.ask(service.name, lambda each: each.replan())
+    commands += _decide_anew(core, host)
     return commands + ask_monitor(core, host, event.time + ANSWER_S)
 
 
