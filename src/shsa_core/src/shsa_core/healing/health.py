@@ -206,9 +206,8 @@ class Health:
 
         `away`: its computer is not heard; then nobody does who has not told of it yet.
         """
-        told = {self._told_at.get((topic, publisher), "?") for publisher in self.rows[topic]} - {
-            "?"
-        }
+        keys = ((topic, publisher) for publisher in self.rows[topic])
+        told = {self._told_at[key] for key in keys if key in self._told_at}
         return not told & self._lost if told else not away
 
     def lose_monitor(

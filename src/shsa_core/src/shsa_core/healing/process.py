@@ -220,8 +220,6 @@ class Processes:
     def refill(self, time: float) -> List[Command]:
         """Start the idle processes that are due, and end those on computers that want none."""
         commands: List[Command] = []
-        if not self.pool.plans and not self.pool.processes:
-            return commands
         for node in self.pool.surplus(self._robot.computers):
             self.pool.drop(node)
             self._forget(node)
