@@ -240,16 +240,36 @@ def test_a_row_that_turns_failed_is_the_failure() -> None:
     assert not has(robot.table(10.7), events.StartSubstitute)
 
 
-def test_a_failure_that_is_told_besides_is_the_same_and_brings_the_last_message() -> None:
+def gone(since: float, last_message: bytes = b"") -> PublisherHealth:
+    """The row of A that has died."""
+    whose = "/a", A, PublisherState.FAILED, since, 1.0, since - 0.02
+    return PublisherHealth(*whose, Kind.NODE_GONE, "it died.", last_message=last_message)
+
+
+def test_a_row_may_bring_the_last_message_after_the_failure() -> None:
     robot = Robot()
-    robot.row("/a", A, "failed", 10.0)
-    start = only(robot.table(10.01), events.StartSubstitute)
-    told = events.FailureSeen(
-        10.0, "a", "/a", A, Kind.NODE_GONE, "it died", 9.98, last_message=b"last"
-    )
-    commands = robot.handle(told)
+    commands = robot.handle(events.HealthSeen(10.0, (gone(10.0),)))
+    start = only(commands, events.StartSubstitute)
+    commands = robot.handle(events.HealthSeen(10.1, (gone(10.0, b"last"),)))
     assert robot.shown[start.node].last_message == b"last"
-    assert not has(commands, events.ShowIncident)
+    assert not has(commands, events.ShowIncident) and not has(commands, events.Log)
+
+
+@pytest.mark.parametrize("since", [9.0, 10.0, 10.3])
+def test_a_failure_that_is_told_besides_or_by_a_clock_that_is_ahead_is_the_same(
+    since: float,
+) -> None:
+    robot = Robot()
+    robot.handle(events.HealthSeen(10.0, (gone(10.0),)))
+    assert robot.failure("/a", A, since, "node_gone", "it died.", 9.9) == []
+    assert robot.handle(events.HealthSeen(10.4, (gone(since),))) == []
+
+
+def test_what_is_told_of_a_process_that_was_there_before_is_not_held_against_the_next() -> None:
+    robot = Robot()
+    robot.row("/a", A, "healthy", 9.0)
+    robot.table(9.1)
+    assert robot.failure("/a", A, 8.9, "out_of_range", "99 is out of range.", 8.0) == []
 
 
 def test_a_topic_that_nobody_needs_is_left_alone() -> None:
