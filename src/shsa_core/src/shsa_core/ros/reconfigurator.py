@@ -8,7 +8,7 @@ import sys
 import threading
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, List, Optional, Set, Tuple, get_args
+from typing import Callable, Dict, List, Optional, Set, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -128,7 +128,7 @@ class ReconfiguratorNode:
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
-                **dict.fromkeys(get_args(HostCommand), self._hosts.carry_out),
+                **dict.fromkeys(dispatch.members(HostCommand), self._hosts.carry_out),
                 events.WriteDown: lambda c: self._records.write(c.records, c.removed),
                 events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),

@@ -7,7 +7,7 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.hosts.commands import Host, HostCommand, NodeCommand
+from shsa_core.hosts.commands import Host, HostCommand
 from shsa_core.hosts.conversation import HostState, RemoteHost
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
@@ -102,10 +102,10 @@ class AllHosts:
             with self._lock:
                 self._remote[name].carry_out(command, clock.now())
 
-    def _at_home(self, command: NodeCommand) -> None:
+    def _at_home(self, command: events.NodeCommand) -> None:
         self._send(self._homes.get(command.node, LOCAL), command)
 
-    def _look(self, command: NodeCommand) -> None:
+    def _look(self, command: events.NodeCommand) -> None:
         """Look first where a node is: it may be somewhere else than it was."""
         self._homes[command.node] = self._home(command.node)
         self._at_home(command)
