@@ -7,7 +7,7 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.incident import STUCK, Incident, State
-from shsa_core.healing.records import Record, RestartedNode
+from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
 from shsa_core.model.names import Names
@@ -71,7 +71,8 @@ class Robot:
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
     those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
-    `dry_run`: nothing is killed or started; `restarts`: nodes may be started again.
+    `dry_run`: nothing is killed or started; `restarts`: nodes may be started again, as were those
+    `restarted`.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class Robot:
         self.maintained = self.dry_run = False
         self.restarts = True
         self.elsewhere: Dict[str, str] = {}
+        self.restarted: Set[str] = set()
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)
@@ -98,11 +100,6 @@ class Robot:
         """Note which nodes subscribe to topics."""
         for topic, nodes in subscribers:
             self.health.consumers[topic] = self.names.consumers(nodes)
-
-    @property
-    def restarted(self) -> Tuple[RestartedNode, ...]:
-        """Return the nodes that were started again."""
-        return tuple(e for e in self.records.rows.values() if isinstance(e, RestartedNode))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""
