@@ -31,7 +31,7 @@ from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
 ENDINGS = (events.ShuttingDown, events.LaunchEnding, events.StarterEnded)
-"""What is heeded although the robot's launch ends: what stops then does so on purpose."""
+"""Heeded although the robot's launch ends: nodes stop on purpose then."""
 NOT_HELD = (events.Started, events.MaintenanceSet, *ENDINGS)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
