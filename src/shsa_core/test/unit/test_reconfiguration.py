@@ -261,8 +261,16 @@ def test_a_failure_that_is_told_besides_or_by_a_clock_that_is_ahead_is_the_same(
 ) -> None:
     robot = Robot()
     robot.handle(events.HealthSeen(10.0, (gone(10.0),)))
-    assert robot.failure("/a", A, since, "node_gone", "it died.", 9.9) == []
     assert robot.handle(events.HealthSeen(10.4, (gone(since),))) == []
+    assert robot.failure("/a", A, since, "node_gone", "it died.", 9.9) == []
+
+
+def test_who_is_accused_once_more_is_judged_once_more() -> None:
+    robot = Robot()
+    robot.failure("/a", C, 10.0, "out_of_range", "99 is out of range.", 9.9)
+    robot.killed(10.1, C, certain=False)
+    again = robot.failure("/a", C, 11.0, "out_of_range", "99 is out of range.", 9.9)
+    assert has(again, events.FindNode)
 
 
 def test_what_is_told_of_a_process_that_was_there_before_is_not_held_against_the_next() -> None:

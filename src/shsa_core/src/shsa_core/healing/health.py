@@ -112,11 +112,11 @@ class Health:
         return concerned, failures
 
     def note(self, failure: FailureSeen) -> bool:
-        """Put a failure that somebody tells; False: the table tells of it already."""
+        """Put a failure that somebody tells; False: the table tells of what came then or later."""
         whose = failure.topic, failure.publisher, FAILED, failure.time, None, failure.last_good
         row = PublisherHealth(*whose, failure.kind, failure.detail, failure.service)
         known = self.row(row.key)
-        if not self._is_news(row) or (known is not None and known.since > failure.time):
+        if known is not None and known.since >= failure.time:
             return False
         self._put(row)
         return True
