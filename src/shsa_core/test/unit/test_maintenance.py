@@ -184,3 +184,10 @@ def test_shutting_down_ends_what_is_ours() -> None:
     begin(robot, 20.0)
     commands = robot.handle(events.ShuttingDown(21.0))
     assert substitute in [c.node for c in commands if isinstance(c, events.StopSubstitute)]
+
+
+def test_a_node_that_was_started_again_still_ends_with_its_launch() -> None:
+    robot = Robot()
+    robot.handle(events.NodeRestarted(9.0, A))
+    begin(robot, 10.0)
+    assert acting(robot.handle(events.StarterEnded(11.0, A))) == (events.StopNode(A),)
