@@ -46,7 +46,7 @@ def find_first(
 ) -> Optional[Rated]:
     network = ontology.network
     left = [each for each in sources if each.service.topic not in excluded]
-    return first_found(network, SourceTable(network, left), network.number(target))
+    return first_found(SourceTable(network, left), network.number(target))
 
 
 Say = Callable[[str], None]

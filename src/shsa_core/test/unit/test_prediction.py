@@ -48,7 +48,7 @@ def sensor(
 
 def derive(ontology: Ontology, name: str, *sources: Source) -> Derivation:
     """The best derivation from these sources alone."""
-    best = BestDerivations(ontology.network, SourceTable(ontology.network, sources))
+    best = BestDerivations(SourceTable(ontology.network, sources))
     number = ontology.network.number(name)
     assert best.settle(number)
     return best.ratings.derivation(number)

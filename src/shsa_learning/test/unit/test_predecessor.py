@@ -210,7 +210,7 @@ def test_the_first_found(imported: Imported, base: str, name: str, expected: Opt
     """What ORR finds; None: any will do."""
     ontology, som = imported(BASES[base])
     network: Network = ontology.network
-    found = first_found(network, SourceTable(network, som.sources), network.number(name))
+    found = first_found(SourceTable(network, som.sources), network.number(name))
     assert found is not None
     if expected is not None:
         assert set(found.derivation.relations()) == set(expected.split())

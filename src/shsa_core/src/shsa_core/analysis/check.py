@@ -195,7 +195,7 @@ def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
     network = ontology.network
-    best = BestDerivations(network, SourceTable(network, sources))
+    best = BestDerivations(SourceTable(network, sources))
     for item in ontology.properties.values():
         if not best.settle(network.number(item.name)):
             yield Finding(

@@ -7,9 +7,10 @@ from typing import Optional, Sequence, Set, Tuple
 from shsa_core.codegen.fusion import fused
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error, refusal
-from shsa_core.model.network import Network
+from shsa_core.model.kinds import Method
 from shsa_core.model.ontology import EMPTY
-from shsa_core.search.best import Usable
+from shsa_core.search.best import BestDerivations, Usable
+from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint, rate_source
 from shsa_core.search.ranking import Ranking
 
@@ -28,7 +29,6 @@ Listing = Iterator[Tuple[Rated, bool]]
 
 
 def listing(
-    network: Network,
     table: SourceTable,
     properties: Sequence[str],
     usable: Optional[Usable],
@@ -36,20 +36,22 @@ def listing(
     prefer: Collection[str] = (),
     limits: Sequence[Optional[float]] = (),
     refused: bool = False,
+    method: str = Method.BEST,
 ) -> Listing:
-    """Yield every joint derivation: by its errors, then by quality, or by quality alone.
+    """Yield every joint derivation: by its errors, then by quality; the first by `method`.
 
-    Those by the relations to `prefer` come first. `limits` of the errors follow the properties. Of
-    those that are compared, what is not used by its error comes last if it is asked for as
+    Those by the relations to `prefer` come before it. `limits` of the errors follow the properties.
+    Of those that are compared, what is not used by its error comes last if it is asked for as
     `refused`, or where there is nothing else.
     """
-    numbers = [network.number(name) for name in properties]
-    number_of = (predictor or Predictor(EMPTY, ())).number
+    numbers = [table.network.number(name) for name in properties]
+    known = predictor if method == Method.BEST else None
+    number_of = (known or Predictor(EMPTY, ())).number
     given: Set[int] = set()
-    if predictor is not None or prefer:
-        question = network, table, usable
+    are_compared = known is not None or bool(prefer)
+    if are_compared:
         pairs = zip_longest(numbers, limits)
-        compared = [compare(*question, number, predictor, prefer, limit) for number, limit in pairs]
+        compared = [compare(table, usable, number, known, prefer, limit) for number, limit in pairs]
         complete = all(each.complete for each in compared)
         parts = [e.rated if refused else e.rated[: max(e.used, 1)] for e in compared]
         for places in joined([len(each) for each in parts]):
@@ -58,9 +60,28 @@ def listing(
             yield rated, complete
         if complete:
             return
-    for rated in Ranking(network, table, usable).joint(numbers):
-        if not given or number_of(rated.derivation) not in given:
-            yield rated, not given
+    else:
+        firsts = [_first(table, usable, number, method) for number in numbers]
+        found = [rated for rated in firsts if rated is not None]
+        if len(found) < len(numbers):
+            return
+        rated = rate_joint(found)
+        given.add(number_of(rated.derivation))
+        yield rated, method == Method.BEST
+    for rated in Ranking(table, usable).joint(numbers):
+        if number_of(rated.derivation) not in given:
+            yield rated, not are_compared
+
+
+def _first(
+    table: SourceTable, usable: Optional[Usable], number: int, method: str
+) -> Optional[Rated]:
+    """Return the derivation of a property by a method, much faster than to rank all."""
+    if method != Method.BEST:
+        return first_found(table, number, usable)
+    best = BestDerivations(table, usable)
+    best.settle(number)
+    return best.ratings.rated(number)
 
 
 class Compared(NamedTuple):
@@ -75,7 +96,6 @@ class Compared(NamedTuple):
 
 
 def compare(
-    network: Network,
     table: SourceTable,
     usable: Optional[Usable],
     number: int,
@@ -88,7 +108,7 @@ def compare(
     They are taken by turns from all relations that yield the property: which of them errs least
     must not depend on their qualities. A fusion comes before all that it is of.
     """
-    ranking = Ranking(network, table, usable)
+    ranking = Ranking(table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
     parts: List[Rated] = []
     used: Set[Derivation] = set()

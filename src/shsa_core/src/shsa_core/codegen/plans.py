@@ -7,23 +7,20 @@ from itertools import islice
 from math import prod
 from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.choice import Listing, listing
+from shsa_core.codegen.choice import listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError, listed
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.field import reduces
-from shsa_core.model.kinds import Others
-from shsa_core.model.network import Network
+from shsa_core.model.kinds import Method, Others
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.substitution import Program
-from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.depth_first import first_found
-from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import Derivation, Rated, SourceTable
 from shsa_core.search.nearest import nearest
 
-METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
 REFUSED_AT_MOST = 20
 """The most derivations that are passed over as too large for code, or too wrong."""
 SMALLEST_QUALITY = 5e-324
@@ -102,7 +99,7 @@ def plan_service(
     for whole in (True, False):
         for causes in (*service.avoided, ()):
             apart = available.excluding(causes)
-            outputs = service.sources if whole else _derivable(ontology.network, service, apart)
+            outputs = service.sources if whole else _derivable(service, apart)
             question = ontology, service.name, outputs, apart, method, tried, predictor, steps
             try:
                 plan = plan_sources(*question) if outputs else None
@@ -145,13 +142,13 @@ def part(service: Service, lost: Collection[str]) -> Tuple[Source, ...]:
     return tuple(s for s in service.sources if s.provision.unknown_with not in unknown)
 
 
-def _derivable(network: Network, service: Service, table: SourceTable) -> Tuple[Source, ...]:
+def _derivable(service: Service, table: SourceTable) -> Tuple[Source, ...]:
     """Return what can be published of a service that lacks a value; nothing if it lacks none."""
     if len({source.provision.unknown_with for source in service.sources}) < 2:
         return ()
-    best = BestDerivations(network, table, network.executable)
-    names = service.properties
-    lost = [name for name in names if not best.settle(network.number(name))]
+    network = table.network
+    best = BestDerivations(table, network.executable)
+    lost = [name for name in service.properties if not best.settle(network.number(name))]
     return part(service, lost) if lost else ()
 
 
@@ -169,17 +166,21 @@ def plan_sources(
 
     The rest is as in `plan_service`.
     """
-    if method not in METHODS:
-        raise ModelError("method", f"{method!r} is not known; allowed are {', '.join(METHODS)}")
+    if method not in list(Method):
+        known = ", ".join(map(str, Method))
+        raise ModelError("method", f"{method!r} is not known; allowed are {known}")
     network, properties = ontology.network, [source.property for source in outputs]
-    prefer = outputs[0].service.prefer
-    limits = [source.provision.fault_tolerant_error for source in outputs]
+    asked = (
+        predictor,
+        outputs[0].service.prefer,
+        [source.provision.fault_tolerant_error for source in outputs],
+    )
     refused: Optional[GenerationError] = None
     too_wrong = ""
     failed = set()
     numbers = [network.number(name) for name in properties]
-    for usable, whole in nearest(network, table, numbers, network.executable, steps):
-        found = _listing(network, table, properties, usable, method, predictor, prefer, limits)
+    for usable, whole in nearest(table, numbers, network.executable, steps):
+        found = listing(table, properties, usable, *asked, method=method)
         for rated, proven in islice(found, len(tried) + REFUSED_AT_MOST):
             plan = make_plan(ontology, service, outputs, rated, proven and whole, predictor)
             if isinstance(plan, GenerationError):
@@ -272,43 +273,11 @@ def program_of(
     return generate(parts, ontology.constants)
 
 
-def _listing(
-    network: Network,
-    table: SourceTable,
-    properties: Sequence[str],
-    usable: Optional[Usable],
-    method: str,
-    predictor: Optional[Predictor],
-    prefer: Collection[str],
-    limits: Sequence[Optional[float]],
-) -> Listing:
-    """Yield joint derivations: the best by `method`, then all, best first.
-
-    Where there are relations to `prefer`, they come first, by whatever method.
-    """
-    numbers = [network.number(name) for name in properties]
-    known = predictor if method == "best" else None
-    if known is not None or prefer:
-        yield from listing(network, table, properties, usable, known, prefer, limits)
-        return
-    if method == "best":  # much faster than to rank all
-        best = BestDerivations(network, table, usable)
-        for number in numbers:
-            best.settle(number)
-        firsts = [best.ratings.rated(number) for number in numbers]
-    else:
-        firsts = [first_found(network, table, number, usable) for number in numbers]
-    parts = [rated for rated in firsts if rated is not None]
-    if len(parts) == len(properties):
-        yield rate_joint(parts), method == "best"
-        yield from listing(network, table, properties, usable, None)
-
-
 def _nothing(
     ontology: Ontology, table: SourceTable, properties: Sequence[str], outputs: Sequence[Source]
 ) -> ShsaError:
     """Return why there is no plan: what is missing, or the relation that cannot be executed."""
-    best = BestDerivations(ontology.network, table)
+    best = BestDerivations(table)
     numbers = [ontology.network.number(name) for name in properties]
     lost = [number for number in numbers if not best.settle(number)]
     if lost:

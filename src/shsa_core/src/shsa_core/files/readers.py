@@ -133,10 +133,10 @@ not_negative = number_in(0.0, HIGHEST, "0 or above")
 share = number_in(ABOVE_0, 1.0, "above 0 and at most 1")
 
 
-def whole_number(highest: int) -> Reader:
-    """Return a reader of a whole number from 1 on."""
-    form = f"a whole number from 1 to {highest}"
-    within = number_in(1.0, highest, form)
+def whole_number(highest: int, lowest: int = 1) -> Reader:
+    """Return a reader of a whole number."""
+    form = f"a whole number from {lowest} to {highest}"
+    within = number_in(lowest, highest, form)
 
     def read(value: Value, key: str) -> int:
         data = within.read(value, key)

@@ -116,16 +116,15 @@ def merge_parameters(
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
         return current, [ModelError(where, "there is no table of services")]
-    keys = from_parameters(dict.fromkeys(value), where)
-    errors = list(keys.wrong_keys("the SOM", SOM))
+    tree = from_parameters(value, where).mapping("the SOM")
+    errors = list(Value(where, tree).wrong_keys("the SOM", SOM))
     for key, plain_value in {"hosts": _plain_hosts(current), "act": current.act}.items():
         if value.get(key, plain_value) != plain_value:
             what = f"{key} can be changed in the SOM file alone"
             errors.append(ModelError(f"{where}/{key}", what))
     services = dict(current.services)
-    for name, plain_service in value["services"].items():
+    for name, entry in tree["services"].mapping("services").items():
         try:
-            entry = from_parameters(plain_service, f"{where}/services/{name}")
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
             service = _service(name, entry, namespace, services, current.hosts)

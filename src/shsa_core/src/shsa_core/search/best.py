@@ -9,7 +9,6 @@ from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import networkx as nx
 
-from shsa_core.model.network import Network
 from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SOURCE, Rating, SourceTable
 from shsa_core.search.ratings import Ratings
 
@@ -28,15 +27,11 @@ class BestDerivations:
     """
 
     def __init__(
-        self,
-        network: Network,
-        sources: SourceTable,
-        usable: Optional[Usable] = None,
-        prune: bool = True,
+        self, sources: SourceTable, usable: Optional[Usable] = None, prune: bool = True
     ) -> None:
-        self.ratings = Ratings(network, sources)
+        self.ratings = Ratings(sources)
         self.cycles: Dict[int, Sequence[int]] = {}
-        self._network = network
+        self._network = sources.network
         self._sources = sources
         self._usable = usable
         self._prune = prune
@@ -164,7 +159,7 @@ class BestDerivations:
                 lost = [i for i in inputs if known[i] == LOST and target not in inputs]
                 open_ += [i for i in lost if i not in graph]
                 graph.add_edges_from((number, i) for i in lost)
-        found = Ratings(network, known.sources, known)
+        found = Ratings(known.sources, known)
         for number in graph:
             found[number] = LOST if number == target else FREE
         named: List[str] = []

@@ -1,7 +1,6 @@
 """The search of the paper: depth first, the first substitute found (`depth_first`, or `orr`)."""
 from typing import Iterator, List, Optional, Set
 
-from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
 from shsa_core.search.derivation import LOST, UNRATED, Rated, SourceTable
 from shsa_core.search.ratings import Ratings
@@ -17,7 +16,7 @@ class Branch:
 
 
 def first_found(
-    network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
+    sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
     """Return a derivation of `target`: its source, else its first function that can be derived.
 
@@ -25,17 +24,16 @@ def first_found(
     because of what was on the path then. So there are more rounds, each with what was found before,
     until one finds nothing new.
     """
-    found = Ratings(network, sources)
+    found = Ratings(sources)
     while found[target] == UNRATED:
-        if not _round(network, sources, usable, target, found):
+        if not _round(sources, usable, target, found):
             return None
     return found.rated(target)
 
 
-def _round(
-    network: Network, sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings
-) -> bool:
+def _round(sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings) -> bool:
     """Search once; return True if anything new was found."""
+    network = sources.network
     new = False
     tried: Set[int] = set()
     path: List[Branch] = []

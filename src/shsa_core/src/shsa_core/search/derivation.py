@@ -1,5 +1,6 @@
 """Derivations: how a property is obtained from sources, and how good that is."""
 import math
+from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.model.network import Network
@@ -22,6 +23,7 @@ UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
 Name = Tuple[float, str, str]
 
 
+@dataclass(eq=False)
 class Derivation:
     """A property obtained from a source, or by a function from other derivations.
 
@@ -30,26 +32,16 @@ class Derivation:
     stands wherever its property is obtained that way: they are compared and hashed by identity.
     """
 
-    __slots__ = ("property", "source", "function", "inputs")
-
-    def __init__(
-        self,
-        property: str,
-        source: Optional[Source],
-        function: Optional[TransferFunction],
-        inputs: Tuple["Derivation", ...] = (),
-    ) -> None:
-        self.property = property
-        self.source = source
-        self.function = function
-        self.inputs = inputs
+    property: str
+    source: Optional[Source]
+    function: Optional[TransferFunction]
+    inputs: Tuple["Derivation", ...] = ()
 
     def __repr__(self) -> str:
-        return f"<{self.property} by {self.name[1]}>"
+        return f"<{self.property} by {self.name()[1]}>"
 
-    @property
     def name(self) -> Name:
-        """The sort key: the period, path and node of the source, or the relation."""
+        """Return the sort key: the period, path and node of the source, or the relation."""
         if self.source is not None:
             return _name(self.source)
         return math.inf, "" if self.function is None else self.function.relation, ""
@@ -85,8 +77,8 @@ def names_before(one: Derivation, other: Derivation) -> bool:
     while stack:
         pair = stack.pop()
         if pair[0] is not pair[1] and pair not in equal:
-            if pair[0].name != pair[1].name:
-                return pair[0].name < pair[1].name
+            if pair[0].name() != pair[1].name():
+                return pair[0].name() < pair[1].name()
             equal.add(pair)
             stack.extend(reversed(list(zip(pair[0].inputs, pair[1].inputs))))
     return False
@@ -134,7 +126,7 @@ class SourceTable:
     """The sources that may be used, by the number of their property."""
 
     def __init__(self, network: Network, sources: Iterable[Source] = ()) -> None:
-        self._network = network
+        self.network = network
         self._base: Optional[SourceTable] = None  # for the properties that are not in `_of`
         self._of: Dict[int, Dict[Source, None]] = {}
         self._best: Dict[int, Tuple[Rating, Optional[Source]]] = {}
@@ -146,20 +138,20 @@ class SourceTable:
     def add(self, source: Source) -> None:
         """Add a source; one that is there already stays as it is."""
         assert self._base is None, "a table that leaves something out is not changed"
-        of = self._of.setdefault(self._network.number(source.property), {})
+        of = self._of.setdefault(self.network.number(source.property), {})
         if source not in of:
             of[source] = None
-            self._choose(self._network.number(source.property))
+            self._choose(self.network.number(source.property))
             if self._named is not None:
                 _index(self._named, source)
 
     def discard(self, source: Source) -> None:
         """Remove a source, if it is there."""
         assert self._base is None, "a table that leaves something out is not changed"
-        of = self._of.get(self._network.number(source.property), {})
+        of = self._of.get(self.network.number(source.property), {})
         if source in of:
             del of[source]
-            self._choose(self._network.number(source.property))
+            self._choose(self.network.number(source.property))
             if self._named is not None:
                 for name in source.names:
                     self._named[name].pop(source, None)
@@ -176,9 +168,9 @@ class SourceTable:
         gone = {source for name in names for source in self._named.get(name, ())}
         if not gone:
             return self
-        table = SourceTable(self._network)
+        table = SourceTable(self.network)
         table._base, table._named = self, self._named
-        for number in {self._network.number(source.property) for source in gone}:
+        for number in {self.network.number(source.property) for source in gone}:
             table._of[number] = {each: None for each in self.of(number) if each not in gone}
             table._choose(number)
         return table

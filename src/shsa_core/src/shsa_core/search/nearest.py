@@ -5,7 +5,6 @@ paper). The deadline is a number of functions: it needs no clock, and can be pla
 """
 from typing import Iterator, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.network import Network
 from shsa_core.search.best import Usable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
@@ -15,16 +14,13 @@ Part = Tuple[Optional[Usable], bool]
 
 
 def nearest(
-    network: Network,
-    table: SourceTable,
-    targets: Sequence[int],
-    usable: Optional[Usable],
-    steps: Optional[int],
+    table: SourceTable, targets: Sequence[int], usable: Optional[Usable], steps: Optional[int]
 ) -> Iterator[Part]:
     """Yield the first derivation of some properties with the `steps` functions next to them.
 
     Then all functions; at once if `steps` is None, or there is no derivation.
     """
+    network = table.network
     if steps is not None:
         functions: Set[int] = set()
         properties, queue = set(targets), list(targets)
@@ -41,7 +37,7 @@ def nearest(
         else:
             yield usable, True
             return
-        found = [first_found(network, table, target, usable) for target in targets]
+        found = [first_found(table, target, usable) for target in targets]
         for part in (part for rated in found if rated for part in rated.derivation.unique()):
             for function in network.functions_of[network.number(part.property)]:
                 if network.functions[function] is part.function:

@@ -10,7 +10,6 @@ from functools import partial
 from heapq import heapify, heappop, heappush
 from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
 
-from shsa_core.model.network import Network
 from shsa_core.search.best import BestDerivations, Usable
 from shsa_core.search.derivation import LOST, Rated, SourceTable
 from shsa_core.search.derivation import names_before, rate_function, rate_joint, rate_source
@@ -91,12 +90,10 @@ class Ranked:
 class Ranking:
     """The joint derivations of several properties, best first."""
 
-    def __init__(
-        self, network: Network, sources: SourceTable, usable: Optional[Usable] = None
-    ) -> None:
-        self._network = network
+    def __init__(self, sources: SourceTable, usable: Optional[Usable] = None) -> None:
+        self._network = sources.network
         self._sources = sources
-        self._best = BestDerivations(network, sources, usable, prune=False)
+        self._best = BestDerivations(sources, usable, prune=False)
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
         self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
@@ -153,7 +150,7 @@ class Ranking:
         cycle = best.cycles.get(number)
         path = EVERYWHERE if cycle is None else path | {number}
         if cycle is not None:
-            ratings = Ratings(self._network, self._sources, best.ratings)
+            ratings = Ratings(self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
             best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)

@@ -1,7 +1,6 @@
 """Rates derivations: the best one of each property, by number."""
 from typing import Dict, Iterable, List, Mapping, Optional, Set
 
-from shsa_core.model.network import Network
 from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SOURCE, UNRATED
 from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
@@ -9,10 +8,8 @@ from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 class Ratings:
     """The best derivations of properties, by number; those not rated here are as in `base`."""
 
-    def __init__(
-        self, network: Network, sources: SourceTable, base: Optional["Ratings"] = None
-    ) -> None:
-        self._network = network
+    def __init__(self, sources: SourceTable, base: Optional["Ratings"] = None) -> None:
+        self._network = sources.network
         self.sources = sources
         self._base = base
         self._ratings: Dict[int, Rating] = {}
