@@ -8,7 +8,7 @@ from shsa_testing.models import law, ontology, random_model, source
 from shsa_core.search.derivation import Derivation, Rated, SourceTable
 from shsa_core.search.ranking import Ranking
 
-Key = Tuple[Tuple[int, int, int], Tuple[object, ...]]
+Key = Tuple[Tuple[float, int, int], Tuple[object, ...]]
 
 
 def tree(derivation: Derivation) -> Tuple[object, ...]:

@@ -11,7 +11,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.nearest import nearest
+from shsa_core.search.depth_first import nearest
 
 
 @dataclass(frozen=True)

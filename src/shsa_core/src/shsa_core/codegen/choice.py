@@ -36,20 +36,20 @@ def listing(
     prefer: Collection[str] = (),
     limits: Sequence[Optional[float]] = (),
     refused: bool = False,
-    method: str = Method.BEST,
+    method: Optional[str] = None,
 ) -> Listing:
-    """Yield every joint derivation: by its errors, then by quality; the first by `method`.
+    """Yield every joint derivation: by its errors, then by quality, or by quality alone.
 
-    Those by the relations to `prefer` come before it. `limits` of the errors follow the properties.
+    Those by the relations to `prefer` come first. `limits` of the errors follow the properties.
     Of those that are compared, what is not used by its error comes last if it is asked for as
-    `refused`, or where there is nothing else.
+    `refused`, or where there is nothing else. By quality alone the first one is that of a `method`,
+    and may come again.
     """
     numbers = [table.network.number(name) for name in properties]
-    known = predictor if method == Method.BEST else None
+    known = predictor if method in (None, Method.BEST) else None
     number_of = (known or Predictor(EMPTY, ())).number
     given: Set[int] = set()
-    are_compared = known is not None or bool(prefer)
-    if are_compared:
+    if known is not None or prefer:
         pairs = zip_longest(numbers, limits)
         compared = [compare(table, usable, number, known, prefer, limit) for number, limit in pairs]
         complete = all(each.complete for each in compared)
@@ -60,17 +60,15 @@ def listing(
             yield rated, complete
         if complete:
             return
-    else:
+    elif method is not None:
         firsts = [_first(table, usable, number, method) for number in numbers]
         found = [rated for rated in firsts if rated is not None]
         if len(found) < len(numbers):
             return
-        rated = rate_joint(found)
-        given.add(number_of(rated.derivation))
-        yield rated, method == Method.BEST
+        yield rate_joint(found), method == Method.BEST
     for rated in Ranking(table, usable).joint(numbers):
-        if number_of(rated.derivation) not in given:
-            yield rated, not are_compared
+        if not given or number_of(rated.derivation) not in given:
+            yield rated, not given
 
 
 def _first(

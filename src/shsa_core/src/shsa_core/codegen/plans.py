@@ -19,7 +19,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, Rated, SourceTable
-from shsa_core.search.nearest import nearest
+from shsa_core.search.depth_first import nearest
 
 REFUSED_AT_MOST = 20
 """The most derivations that are passed over as too large for code, or too wrong."""

@@ -9,7 +9,7 @@ from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
 
 import networkx as nx
 
-from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SOURCE, Rating, SourceTable
+from shsa_core.search.derivation import LOST, NOT_RATED, SOURCE, Rating, SourceTable
 from shsa_core.search.ratings import Ratings
 
 Usable = Callable[[int], bool]
@@ -44,7 +44,7 @@ class BestDerivations:
         if self._usable is not None:
             functions = [f for f in functions if self._usable(f)]
         limit = self._sources.rating(number)[0]
-        if self._prune and limit <= MOST:
+        if self._prune:
             functions = [f for f in functions if self._network.costs[f] < limit]
         return functions
 
@@ -109,7 +109,9 @@ class BestDerivations:
         1977).
         """
         network, by_source = self._network, ratings.sources.rating
-        candidates: List[Tuple[int, int, int, int, float, int]] = []  # ratings and their properties
+        candidates: List[
+            Tuple[float, int, int, int, float, int]
+        ] = []  # ratings and their properties
         open_ = set(members)
         lacking: Dict[int, int] = {}  # how many inputs a function waits for
         waiting: Dict[int, List[int]] = {}  # the functions that wait for a property

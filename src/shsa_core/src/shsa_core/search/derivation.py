@@ -3,21 +3,16 @@ import math
 from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.network import Network
-from shsa_core.model.quality import cost
+from shsa_core.model.network import Network, cost
 from shsa_core.model.relation import TransferFunction
 from shsa_core.model.service import Source
 
-# Costs and uses are counted up to here: a derivation that uses one input twice may double them at
-# every level.
-MOST = 2**60
-
-Rating = Tuple[int, int, int, int, float]
+Rating = Tuple[float, int, int, int, float]
 """The least is the best: cost, relations and what its inputs cost (each as often as it is used);
 what it is by, a source or the function number `by - FUNCTION`; the product of the qualities.
 """
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
-LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
+LOST: Rating = (math.inf, 0, 0, NOTHING, 0.0)  # worse than any derivation
 UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
 
 Name = Tuple[float, str, str]
@@ -87,7 +82,7 @@ def names_before(one: Derivation, other: Derivation) -> bool:
 class Rated(NamedTuple):
     """A derivation and how good it is; `key` has the first three of its Rating."""
 
-    key: Tuple[int, int, int]
+    key: Tuple[float, int, int]
     quality: float
     derivation: Derivation
 
@@ -111,7 +106,7 @@ def rate_joint(parts: Sequence[Rated]) -> Rated:
 
 
 def _rate(
-    derivation: Derivation, price: int, relations: int, quality: float, inputs: Sequence[Rated]
+    derivation: Derivation, price: float, relations: int, quality: float, inputs: Sequence[Rated]
 ) -> Rated:
     leaves = 0
     for rated in inputs:
@@ -119,7 +114,7 @@ def _rate(
         relations += rated.key[1]
         leaves += rated.key[2]
         quality *= rated.quality
-    return Rated((min(price, MOST), min(relations, MOST), min(leaves, MOST)), quality, derivation)
+    return Rated((price, relations, leaves), quality, derivation)
 
 
 class SourceTable:

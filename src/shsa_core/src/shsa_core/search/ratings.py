@@ -1,7 +1,7 @@
 """Rates derivations: the best one of each property, by number."""
 from typing import Dict, Iterable, List, Mapping, Optional, Set
 
-from shsa_core.search.derivation import FUNCTION, LOST, MOST, NOTHING, NOT_RATED, SOURCE, UNRATED
+from shsa_core.search.derivation import FUNCTION, LOST, NOTHING, NOT_RATED, SOURCE, UNRATED
 from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
 
@@ -28,7 +28,8 @@ class Ratings:
         """Rate a function with the best inputs: UNRATED if one is, else LOST if one is."""
         network, known = self._network, self._ratings.get
         relations, leaves, lost = 1, 0, False
-        price, quality = network.costs[function], network.qualities[function]
+        price: float = network.costs[function]
+        quality = network.qualities[function]
         for number in network.inputs[function]:
             cost, uses, inputs, by, part = known(number) or self[number]
             if by < SOURCE:
@@ -41,8 +42,6 @@ class Ratings:
             quality *= part
         if lost:
             return LOST
-        if price > MOST or relations > MOST or leaves > MOST:
-            price, relations, leaves = min(price, MOST), min(relations, MOST), min(leaves, MOST)
         return price, relations, leaves, FUNCTION + function, quality
 
     def rated(self, number: int) -> Optional[Rated]:
