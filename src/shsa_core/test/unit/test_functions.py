@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.language.fitted import clip, dot, rbf, table
-from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
+from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, clip, dot
+from shsa_core.language.functions import floor, namespace, power, rbf, sign, table
 from shsa_core.language.memory import (
     HELD_SAMPLES,
     MAX_DELAY_S,

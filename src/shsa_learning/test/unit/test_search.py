@@ -8,8 +8,7 @@ from hypothesis.strategies import integers
 from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable

@@ -23,8 +23,7 @@ from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations

@@ -4,7 +4,7 @@ from itertools import zip_longest
 from typing import Collection, Iterator, List, Mapping, NamedTuple
 from typing import Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.fusion import fused
+from shsa_core.codegen.generator import fused
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.kinds import Method

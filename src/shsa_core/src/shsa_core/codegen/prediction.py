@@ -10,13 +10,11 @@ from math import isnan, nan, sqrt
 from random import Random
 from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.fusion import Fusion
-from shsa_core.codegen.generator import generate_function, in_order, way
+from shsa_core.codegen.generator import Fusion, generate_function, in_order, way
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
 from shsa_core.model.error import P95, Error
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import Derivation
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf, sqrt
 from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 
-from shsa_core.codegen.fusion import NAMES, fuse
+from shsa_core.codegen.generator import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle

@@ -12,8 +12,7 @@ from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
 from shsa_core.language.vectors import Vector, Vectors, elements, unfold
 from shsa_core.model.error import quality_of
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 
 MOST_ELEMENTS = 10_000
 """Of all vectors and matrices that a file declares."""

@@ -16,9 +16,8 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
-from shsa_core.model.numbers import allows_more, differences
+from shsa_core.model.som import Som, allows_more, differences
 from shsa_core.model.service import Provision, Service, is_within
-from shsa_core.model.som import Som
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (

@@ -3,8 +3,7 @@ import math
 from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.network import Network, cost
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Network, TransferFunction, cost
 from shsa_core.model.service import Source
 
 Rating = Tuple[float, int, int, int, float]

@@ -1,7 +1,7 @@
 """Rates what is left of a robot after failures, one after the other."""
 from typing import Collection, Dict, Iterable, List, Optional
 
-from shsa_core.model.network import Network
+from shsa_core.model.ontology import Network
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import LOST, SourceTable
