@@ -47,10 +47,7 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """Read code that has the shape of the paper's listing and the generator's code.
-
-    Raises CodeError for anything else.
-    """
+    """Return the meaning of code of the shape of the paper's listing. Raises CodeError."""
     if len(code) > MAX_CODE:
         raise CodeError(f"the code has {len(code)} characters; at most {MAX_CODE} are allowed")
     foreign = _NOT_ALLOWED.search(code)

@@ -162,11 +162,7 @@ def _clearly_sorted(errors: Mapping[int, float]) -> List[int]:
 def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
 ) -> Tuple[int, float, float]:
-    """Return what orders a derivation: the group, the share of the baseline, the expected error.
-
-    Another service of the property is a measurement of unknown error: it is compared by its
-    quality, not put behind every relation that has figures.
-    """
+    """Return what orders a derivation; another service, of unknown error, goes by its quality."""
     baseline = predictor.baseline(derivation.property)
     if error is None:
         source = derivation.source

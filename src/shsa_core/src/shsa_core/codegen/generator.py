@@ -178,13 +178,11 @@ def generate_function(function: TransferFunction, constants: Mapping[str, Consta
 
 def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
     """Return the program that gives each of some sources a fixed value."""
-    lines: List[str] = []
-    for i, (source, value) in enumerate(values):
-        name = f"_tf{i + 1}"
-        lines.append(f"def {name}(): # safe value: {source.property}\n  return {_number(value)}")
-        lines.append(f"t{i}={name}()")
-    lines.append(_result([f"t{i}" for i in range(len(values))]))
-    return Program((), "\n".join(lines) + "\n", tuple(source.output for source, _ in values))
+    parts: List[Tuple[Derivation, str]] = []
+    for source, value in values:
+        function = _function("safe value", source.property, repr(value))
+        parts.append((Derivation(source.property, None, function), source.output))
+    return generate(parts, {})
 
 
 def _result(variables: Sequence[str]) -> str:

@@ -162,10 +162,7 @@ def plan_sources(
     predictor: Optional[Predictor] = None,
     steps: Optional[int] = None,
 ) -> Plan:
-    """Return the best plan for some sources of a service, from all that is in the table.
-
-    The rest is as in `plan_service`.
-    """
+    """Return the best plan for some sources, as `plan_service`, from all in the table."""
     if method not in list(Method):
         known = ", ".join(map(str, Method))
         raise ModelError("method", f"{method!r} is not known; allowed are {known}")

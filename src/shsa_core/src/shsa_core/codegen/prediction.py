@@ -185,10 +185,7 @@ class Predictor:
         return None if slopes is None else _sum(own, added, slopes, delay)
 
     def _above_usual(self, node: Derivation, part: Optional[_Part]) -> Optional[_Part]:
-        """Return what the error of an input has above the usual one; None: not known.
-
-        A measured relation has the usual errors of its inputs in its own already.
-        """
+        """Return what an input's error has above the usual one; None: not known."""
         usual = self._usual.get(node.property)
         if part is None:  # without figures it is as good as the best source of the property, or not
             source = node.source
@@ -210,10 +207,7 @@ class Predictor:
     def _slopes(
         self, node: Derivation, added: Sequence[_Part], numbers: Mapping[Derivation, int]
     ) -> Optional[List[Values]]:
-        """Return how fast a function's result changes with each input, at each point.
-
-        By differences as wide as the input's error: where a law bends, that is what the error sees.
-        """
+        """Return how a result changes with each input, by differences as wide as its error."""
         step = self._step(node.function)
         columns = self._columns(node, numbers)
         if step is None or columns is None:

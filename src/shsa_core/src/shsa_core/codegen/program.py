@@ -51,14 +51,10 @@ def compile_program(
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
-    """Compile what the code computes once its inputs have stood still for long. Raises CodeError.
-
-    Return None if that depends on how they change (`derivative`, `integral`, `dt`).
-    """
+    """Compile what the code gives once its inputs stand still; None: it needs changes."""
     checked = check_code(code, n_inputs, n_outputs)
     moving = {ELAPSED, *(name for name, each in STATEFUL.items() if not each.rests)}
-    nodes = [n for relation in checked.relations for tree in relation.trees for n in ast.walk(tree)]
-    if any(isinstance(node, ast.Name) and node.id in moving for node in nodes):
+    if not moving.isdisjoint(_names(checked)):
         return None
     return _Compiler(None).compile(checked).step
 
@@ -163,13 +159,7 @@ class _Compiler:
         outputs = enumerate(code.outputs if self._names["correct"] else ())
         correct = {name: [f"  {name} = correct({n}, {name})"] for n, name in outputs}
         lines += [line for name in inputs for line in correct.get(name, ())]
-        uses_time = any(
-            isinstance(n, ast.Name) and n.id == ELAPSED
-            for relation in code.relations
-            for tree in relation.trees
-            for n in ast.walk(tree)
-        )
-        if uses_time:
+        if ELAPSED in _names(code):
             lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
@@ -190,11 +180,7 @@ class _Compiler:
         return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
-        """Return the lines that give the relation its value.
-
-        Steps that a function with memory hears are evaluated before the constraint, each for
-        itself; the others only where there may be a value.
-        """
+        """Return the lines that give the relation its value; what memories hear comes first."""
         inline = Inline(relation.arguments, None if self._steady else self.memory_of)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
         lines = self._take_calls(inline)
@@ -267,6 +253,11 @@ class _Compiler:
         else:
             memory = self._remember(STATEFUL[function].call(self._max_gap))
         return memory, f"value_of{memory}"
+
+
+def _names(code: CheckedCode) -> Set[str]:
+    trees = [tree for relation in code.relations for tree in relation.trees]
+    return {node.id for tree in trees for node in name_nodes(tree)}
 
 
 def _attempt(block: Iterable[str]) -> List[str]:

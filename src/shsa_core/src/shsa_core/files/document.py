@@ -3,7 +3,7 @@ import math
 import re
 from dataclasses import dataclass
 from enum import Enum
-from typing import Dict, Iterable, Iterator, List, Tuple, Union
+from typing import Any, Dict, Iterable, Iterator, List, Tuple, Union
 
 import yaml  # type: ignore[import]
 
@@ -52,9 +52,8 @@ class Value:
 
     def mapping(self, what: str) -> Dict[str, "Value"]:
         """Return the mapping that this value must be."""
-        if not isinstance(self.data, dict):
-            raise self.error(f"{what} must be a mapping (name: value), not {self.describe()}")
-        return self.data
+        found: Dict[str, "Value"] = self._must(dict, what, "a mapping (name: value)")
+        return found
 
     def wrong_keys(
         self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
@@ -72,17 +71,15 @@ class Value:
 
     def sequence(self, what: str) -> List["Value"]:
         """Return the list that this value must be."""
-        if not isinstance(self.data, list):
-            raise self.error(f"{what} must be a list, not {self.describe()}")
-        return self.data
+        found: List["Value"] = self._must(list, what, "a list")
+        return found
 
     def number(self, what: str) -> float:
         """Return the finite number that this value must be."""
-        if not isinstance(self.data, float):
-            raise self.error(f"{what} must be a number, not {self.describe()}")
-        if not math.isfinite(self.data):
+        found: float = self._must(float, what, "a number")
+        if not math.isfinite(found):
             raise self.error(f"{what} must be a finite number, not {self.describe()}")
-        return self.data
+        return found
 
     def interval(self, what: str) -> Tuple[float, float]:
         """Return the lowest and the highest number, in a list, that this value must be."""
@@ -96,15 +93,18 @@ class Value:
 
     def flag(self, what: str) -> bool:
         """Return the true or false that this value must be."""
-        if not isinstance(self.data, bool):
-            raise self.error(f"{what} must be true or false, not {self.describe()}")
-        return self.data
+        found: bool = self._must(bool, what, "true or false")
+        return found
 
     def string(self, what: str) -> str:
         """Return the text that this value must be; a number counts as it was written."""
-        if not isinstance(self.data, (bool, float, str)):
-            raise self.error(f"{what} must be a text, not {self.describe()}")
+        self._must((bool, float, str), what, "a text")
         return self.text
+
+    def _must(self, kind: Any, what: str, form: str) -> Any:
+        if not isinstance(self.data, kind):
+            raise self.error(f"{what} must be {form}, not {self.describe()}")
+        return self.data
 
     def describe(self) -> str:
         """Return the value in a few words."""
@@ -122,12 +122,7 @@ Entry = Dict[str, Value]
 
 
 def read_yaml(path: str) -> Value:
-    """Return the one document of a YAML file. Tags, anchors and aliases are refused.
-
-    Nothing in the file is run.
-
-    Raises ModelError, with file and line, if the file cannot be read.
-    """
+    """Return the one document of a YAML file. Raises ModelError, with file and line."""
     return parse_yaml(read_text(str(path)), str(path))
 
 

@@ -28,10 +28,7 @@ def read_ontology(path: str) -> Ontology:
 
 
 def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
-    """Return the valid part of the ontology in a file, and all that is wrong with the rest.
-
-    Raises ModelError if the file as a whole cannot be read.
-    """
+    """Return the valid part of the ontology in a file, and all that is wrong. Raises ModelError."""
     sections, errors = read_keys(read_yaml(path), "the ontology", ONTOLOGY)
     reader = _Reader(errors)
     adding = {

@@ -46,10 +46,7 @@ def names_of(kind: Type[Any]) -> List[str]:
 def read_settings(
     kind: Type[Settings], parameters: object, where: str
 ) -> Tuple[Settings, List[ModelError]]:
-    """Return the settings that a node's parameters ask for, and what is wrong with these.
-
-    `where` is the parameters' namespace. Where one is wrong the default stays.
-    """
+    """Return settings by the parameters in `where`, by default where one is wrong, and what is."""
     keys = {name: PARAMETERS[name] for name in names_of(kind)}
     try:
         given, errors = read_keys(from_parameters(parameters, where), "the settings", keys)

@@ -109,6 +109,18 @@ interval = Reader("[lowest, highest]", Value.interval)
 mapping = Reader("mapping", Value.mapping)
 
 
+def _reader(form: str, must: str, make: Callable[[Value], Any]) -> Reader:
+    """Return a reader of what `make` makes of a value; ValueError: it is not what it `must` be."""
+
+    def read(value: Value, key: str) -> Any:
+        try:
+            return make(value)
+        except ValueError as error:
+            raise value.error(f"{key} must be {must}, not {value.describe()}") from error
+
+    return Reader(form, read)
+
+
 def number_in(
     lowest: float,
     highest: float,
@@ -117,15 +129,15 @@ def number_in(
 ) -> Reader:
     """Return a reader of a number within limits, or of a word that stands for something."""
 
-    def read(value: Value, key: str) -> Optional[float]:
+    def make(value: Value) -> Optional[float]:
         data = value.data
         if isinstance(data, (bool, str)) and data in words:
             return words[data]
-        if not isinstance(data, float) or not lowest <= data <= highest:
-            raise value.error(f"{key} must be {form}, not {value.describe()}")
-        return data
+        if isinstance(data, float) and lowest <= data <= highest:
+            return data
+        raise ValueError
 
-    return Reader(form, read)
+    return _reader(form, form, make)
 
 
 positive = number_in(ABOVE_0, HIGHEST, "above 0")
@@ -136,39 +148,31 @@ share = number_in(ABOVE_0, 1.0, "above 0 and at most 1")
 def whole_number(highest: int, lowest: int = 1) -> Reader:
     """Return a reader of a whole number."""
     form = f"a whole number from {lowest} to {highest}"
-    within = number_in(lowest, highest, form)
 
-    def read(value: Value, key: str) -> int:
-        data = within.read(value, key)
-        if data != int(data):
-            raise value.error(f"{key} must be {form}, not {value.describe()}")
-        return int(data)
+    def make(value: Value) -> int:
+        data = value.data
+        if isinstance(data, float) and lowest <= data <= highest and data == int(data):
+            return int(data)
+        raise ValueError
 
-    return Reader(form, read)
+    return _reader(form, form, make)
 
 
 def matching(pattern: "re.Pattern[str]", example: str) -> Reader:
     """Return a reader of a text that has a pattern."""
 
-    def read(value: Value, key: str) -> str:
-        found = value.string(key)
-        if len(found) > MAX_NAME or not pattern.match(found):
-            raise value.error(f"{key} must be written like {example}, not {value.describe()}")
-        return found
+    def make(value: Value) -> str:
+        if len(value.text) > MAX_NAME or not pattern.match(value.text):
+            raise ValueError
+        return value.text
 
-    return Reader(f"like {example}", read)
+    return _reader(f"like {example}", f"written like {example}", make)
 
 
 def one_of(words: Type[Word]) -> Reader:
     """Return a reader of one of some words."""
     form = ", ".join(str(each) for each in words)
-
-    def read(value: Value, key: str) -> Word:
-        if value.string(key) not in [str(each) for each in words]:
-            raise value.error(f"{key} must be one of {form}, not {value.describe()}")
-        return words(value.text)
-
-    return Reader(form, read)
+    return _reader(form, f"one of {form}", lambda value: words(value.text))
 
 
 def parsed(form: str, parse: Callable[[str], Any]) -> Reader:

@@ -32,11 +32,7 @@ def open_to_read(path: str) -> BinaryIO:
 
 
 def read_text(path: str, most: int = MAX_BYTES) -> str:
-    """Return the text of a file of UTF-8.
-
-    Raises ModelError, with the file and the line, if it cannot be read, has more than `most` bytes,
-    is not UTF-8 or holds a zero byte.
-    """
+    """Return the text of a file of UTF-8, of `most` bytes. Raises ModelError with file and line."""
     with open_to_read(path) as file:
         try:
             raw = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else b""
@@ -54,11 +50,7 @@ def read_text(path: str, most: int = MAX_BYTES) -> str:
 
 
 def open_to_append(path: str) -> int:
-    """Open a file of ours to write at its end; it is made for us alone to read.
-
-    Returns its descriptor. Raises OSError if it cannot be made, or if what is there is a link, no
-    file, or not ours.
-    """
+    """Return the descriptor of a file of ours alone, to write at its end. Raises OSError."""
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY
     descriptor = os.open(path, flags | os.O_CLOEXEC, 0o600)
     try:
@@ -71,10 +63,7 @@ def open_to_append(path: str) -> int:
 
 
 def read_own(path: str, most: int) -> bytes:
-    """Return the bytes of a file of ours that nobody else can read or write; it never waits.
-
-    Raises OSError if it is none, is a link, or has more than `most`.
-    """
+    """Return what is in a file of ours that is closed to others; it never waits. Raises OSError."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
     with open(os.open(path, flags), "rb") as file:
         if _ours(file.fileno()).st_mode & 0o077:

@@ -266,10 +266,7 @@ def _claim(service: Service, claimed: Dict[str, List[Service]]) -> None:
 
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """Return a service from the parameter server, with the command of its file.
-
-    Raises ModelError if it goes too far.
-    """
+    """Return a service from the parameter server. Raises ModelError if it goes too far."""
     asked, meant = service_entry(service), service_entry(old)
     for key in FROM_FILE_ALONE:
         if asked.get(key) != meant.get(key):

@@ -12,10 +12,7 @@ MAX_LINKS = 40
 
 
 def refuse_others_commands(som: Som, path: str) -> None:
-    """Refuse a SOM that starts programs and that others can write.
-
-    Raises ModelError that says which services do, and what of the path others can write.
-    """
+    """Raise ModelError if a SOM starts programs, and others can write its file."""
     names = [each.name for each in som if each.last_resort.command or each.policy.restarts]
     why = written_by_others(path) if names else ""
     if why:

@@ -6,7 +6,6 @@ from typing import Callable, Deque, List, Optional, Tuple
 from shsa_core.watch import INSTANT_S
 
 MAX_GAP_S, GAP_PERIODS = 1.0, 10.0
-MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
 """The most samples that a delay holds."""
 NO_VALUE = math.nan
@@ -112,7 +111,7 @@ def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def delay(max_gap: float = MAX_GAP_S) -> Memory:
-    """Make `delay(x, time)`: x as it was `time` ago (s, above 0 and at most MAX_DELAY_S).
+    """Make `delay(x, time)`: x as it was `time` ago (s, above 0).
 
     It is the last sample that is old enough, or the oldest one while none is. Of samples that come
     faster than HELD_SAMPLES in `time` some are dropped, so that it may be older by one part in
@@ -123,7 +122,7 @@ def delay(max_gap: float = MAX_GAP_S) -> Memory:
 
     def sample(value: float, time: float, now: float) -> float:
         nonlocal last, result
-        if value - value != 0.0 or not 0.0 < time <= MAX_DELAY_S:
+        if value - value != 0.0 or not 0.0 < time < math.inf:
             return NO_VALUE
         passed = now - last
         if passed != 0.0:

@@ -46,10 +46,7 @@ def is_free(name: str) -> bool:
 
 
 def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[str, ...]:
-    """Return the names that the tree uses, in order. Raises ExpressionError.
-
-    `final`: constants have become numbers in it already.
-    """
+    """Return the names in the tree; `final`: it has no constants. Raises ExpressionError."""
     checker = _Checker(final)
     if condition:
         checker.condition(tree, depth=0, always=True)
@@ -59,11 +56,7 @@ def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[st
 
 
 def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
-    """Return the text with single spaces, and the names it uses, in order of first use.
-
-    Raises ExpressionError unless it is a number made of numbers, names and the fixed functions, or,
-    with `condition`, a condition made of those.
-    """
+    """Return the text with single spaces, and its names in order. Raises ExpressionError."""
     text = cleaned(text)
     return text, check_tree(syntax_tree(text), condition)
 

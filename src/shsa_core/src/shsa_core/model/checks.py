@@ -291,10 +291,7 @@ def default_checks(
     is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
 ) -> Tuple[Check, ...]:
-    """Return the checks of a value, or of a message, by default and as `asked`; None: off.
-
-    `is_distance`: the value need not be a number, see `model.field`.
-    """
+    """Return the checks of a value, or of a message, by default and as `asked`; None: off."""
     limits = [
         (each, asked.get(name, default_limit(name, is_distance)))
         for name, each in REGISTRY.items()

@@ -11,8 +11,8 @@ PROCESS_CORES = 0.003
 """A substitute's process, before anything comes or goes: its heartbeat, and threads that wait."""
 READ_CORE_S = 0.0002
 """For each message that is read, in s of a core."""
-WRITE_CORE_S = 0.00035
-"""For each message that is computed and published, in s of a core."""
+WRITTEN = 1.75
+"""A message that is computed and published costs as much as so many that are read."""
 EVENT_RATE_HZ = 10.0
 """An event-driven topic is taken to publish so often."""
 FRAME_BYTES = 70
@@ -61,7 +61,7 @@ def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> C
     anywhere. A service counts once, however many of its values are read.
     """
     idle = idle_cost(inputs, here)
-    return Cost(idle.cores + WRITE_CORE_S * rate(output), idle.link + traffic(output))
+    return Cost(idle.cores + WRITTEN * READ_CORE_S * rate(output), idle.link + traffic(output))
 
 
 def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:

@@ -100,10 +100,7 @@ class FieldText:
 
 @functools.lru_cache(maxsize=1024)
 def parse_field(text: str, separator: str = ".") -> FieldText:
-    """Return the field that a text names, with dots as in the SOM or slashes as in the strings.
-
-    Raises ShsaError if it names none.
-    """
+    """Return the field that a text names, with dots, or slashes. Raises ShsaError if it is none."""
     if len(text) > LONGEST:
         raise ShsaError(f"a field has at most {LONGEST} characters, not {len(text)}")
     call = _FUNCTION.match(text)

@@ -45,10 +45,7 @@ class FieldType:
 
 
 def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
-    """Return the type of a field of a message type.
-
-    Raises ShsaError if the type has no such field, or if it is not a number.
-    """
+    """Return the type of a field. Raises ShsaError if there is none, or if it is no number."""
     parsed = parse_field(field)
     kind = message_type
     for step in parsed.steps:

@@ -59,29 +59,19 @@ def _minimum(values: Sequence[float]) -> float:
     return float(min((value for value in values if value == value), default=nan))
 
 
-def _maximum(values: Sequence[float]) -> float:
-    finite = _finite(values)
-    return float(max(finite)) if finite else _minimum(values)
+def _of_finite(reduce: Callable[[Sequence[float]], float]) -> Callable[[Sequence[float]], float]:
+    def of(values: Sequence[float]) -> float:
+        finite = [value for value in values if isfinite(value)]
+        return float(reduce(finite)) if finite else _minimum(values)
 
-
-def _mean(values: Sequence[float]) -> float:
-    finite = _finite(values)
-    return fsum(finite) / len(finite) if finite else _minimum(values)
-
-
-def _count(values: Sequence[float]) -> float:
-    return float(len(_finite(values)))
-
-
-def _finite(values: Sequence[float]) -> Sequence[float]:
-    return [value for value in values if isfinite(value)]
+    return of
 
 
 REDUCE: Dict[str, Callable[[Sequence[float]], float]] = {
     "min": _minimum,
-    "max": _maximum,
-    "mean": _mean,
-    "count": _count,
+    "max": _of_finite(max),
+    "mean": _of_finite(lambda finite: fsum(finite) / len(finite)),
+    "count": lambda values: float(sum(map(isfinite, values))),
 }
 """The reductions of an array by their names in the grammar of fields."""
 
@@ -193,10 +183,7 @@ class Field:
 
 @lru_cache(maxsize=None)
 def problem(message_type: str, text: str, written: bool) -> str:
-    """Why a field cannot be read, or written, on this computer; empty if it can.
-
-    Whoever has asked once knows the answer at a takeover.
-    """
+    """Return why a field cannot be read, or written, on this computer; empty if it can."""
     try:
         field = Field(message_types.message_class(message_type), text)
     except ShsaError as error:

@@ -23,10 +23,7 @@ def full_name(name: str, namespace: str) -> str:
 
 
 def file_name(path: str, namespace: str) -> str:
-    """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`.
-
-    roslaunch names its logs so.
-    """
+    """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`, as roslaunch does."""
     folder, name = os.path.split(path)
     return os.path.join(folder, "-".join((*filter(None, namespace.split("/")), name)))
 

@@ -169,10 +169,7 @@ class Service:
 
     @property
     def bridges(self) -> Optional[float]:
-        """The periods after which a substitute that stands by fills in; None: it never does.
-
-        Behind a gate it has no need to.
-        """
+        """The periods after which a substitute that stands by fills in; None: never."""
         if self.period is None or self.gated:
             return None
         usual = USUAL_BRIDGE if self.standby is Standby.HOT else 0.0

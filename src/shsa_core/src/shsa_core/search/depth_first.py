@@ -6,9 +6,8 @@ can be played again.
 """
 from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 
-from shsa_core.search.best import Usable
+from shsa_core.search.best import Ratings, Usable
 from shsa_core.search.derivation import LOST, UNRATED, Rated, SourceTable
-from shsa_core.search.ratings import Ratings
 
 Part = Tuple[Optional[Usable], bool]
 """The functions that are looked at, and whether no other could be of use."""

@@ -62,10 +62,7 @@ class Derivation:
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
-    """Return True if `one` comes before `other` by name, for two derivations of one property.
-
-    Names are compared from the result to the inputs, left to right.
-    """
+    """Return True if `one` comes before `other` by name, from the result to the inputs."""
     equal: Set[Tuple[Derivation, Derivation]] = set()
     stack = [(one, other)]
     while stack:

@@ -10,10 +10,9 @@ from functools import partial
 from heapq import heapify, heappop, heappush
 from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
 
-from shsa_core.search.best import BestDerivations, Usable
+from shsa_core.search.best import BestDerivations, Ratings, Usable, dependents
 from shsa_core.search.derivation import LOST, Rated, SourceTable
 from shsa_core.search.derivation import names_before, rate_function, rate_joint, rate_source
-from shsa_core.search.ratings import Ratings, dependents
 
 EVERYWHERE: FrozenSet[int] = frozenset()
 ROOT = -1
@@ -50,10 +49,7 @@ class Ranked:
         self._changes: List[int] = []  # the inputs in which the last item's successors differ
 
     def advance(self) -> Optional[Tuple["Ranked", int]]:
-        """Find the next item, or that there is none.
-
-        Return the place in another list that is needed first, if there is one.
-        """
+        """Find the next item, if any; return the place in another list that is needed first."""
         assert self.candidates is not None
         while self._changes:
             assert self._last is not None and self._last.rate is not None

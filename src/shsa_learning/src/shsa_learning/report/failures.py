@@ -3,9 +3,8 @@ from typing import Collection, Dict, Iterable, List, Optional
 
 from shsa_core.model.ontology import Network
 from shsa_core.model.service import Source
-from shsa_core.search.best import BestDerivations
+from shsa_core.search.best import BestDerivations, Ratings, dependents
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_core.search.ratings import Ratings, dependents
 
 
 class Failures:
