@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
 from random import Random
-from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Collection, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
 from shsa_core.codegen.generator import Fusion, generate_function, in_order, way
 from shsa_core.codegen.program import Step, compile_steady
@@ -70,7 +70,7 @@ class Predictor:
     worse than the best service of its property.
     """
 
-    def __init__(self, ontology: Ontology, sources: Iterable[Source]) -> None:
+    def __init__(self, ontology: Ontology, sources: Collection[Source]) -> None:
         self._ontology = ontology
         self._usual: Dict[str, Error] = {}
         self._best: Dict[str, float] = {}  # the highest quality of a property's services
@@ -83,11 +83,12 @@ class Predictor:
         self._values: Dict[int, Optional[Values]] = {}
         self._measured: Mapping[str, Error] = {}
         self.fusions: Sequence[Fusion] = ()
-        for function in ontology.functions:
-            self._take_baseline(function.output, function.error)
+        known = [(each.property, each.provision.error) for each in sources]
+        for name, error in [*((each.output, each.error) for each in ontology.functions), *known]:
+            if error is not None and error.baseline is not None:
+                self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
         for source in sources:
             name, error = source.property, source.provision.error
-            self._take_baseline(name, error)
             self._best[name] = max(source.quality, self._best.get(name, 0.0))
             if error is not None and (name not in self._usual or error.rms < self._usual[name].rms):
                 self._usual[name] = error
@@ -198,9 +199,10 @@ class Predictor:
             return _EXACT
         have = _mean(part.variances())
         share = sqrt(max(0.0, 1.0 - _variance(usual) / have)) if have > 0.0 else 0.0
+        spread = part.spread.items() if share > 0.0 else ()
         return _Part(
             [bias - usual.bias for bias in part.bias],
-            {cause: _times(values, share) for cause, values in part.spread.items() if share > 0.0},
+            {cause: [share * v for v in values] for cause, values in spread},
             max(0.0, part.delay - usual.delay),
         )
 
@@ -265,10 +267,6 @@ class Predictor:
             self._steps[id(function)] = step
         return self._steps[id(function)]
 
-    def _take_baseline(self, name: str, error: Optional[Error]) -> None:
-        if error is not None and error.baseline is not None:
-            self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
-
 
 def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:
     """Return a predictor for an ontology and the services of a SOM; None if no errors are known."""
@@ -322,10 +320,6 @@ def _slope(step: Step, x: Sequence[float], number: int, width: float) -> float:
 def _value(step: Step, x: Sequence[float]) -> float:
     result = step(x, 0.0)
     return nan if result is None else result[0]
-
-
-def _times(values: Values, factor: float) -> Values:
-    return [value * factor for value in values]
 
 
 def _mean(values: Values) -> float:

@@ -92,10 +92,6 @@ CONSTANT: Keys = {
 }
 
 
-def _as_it_is(value: Value, key: str) -> Value:
-    return value  # to be unfolded by what the whole file says
-
-
 def _steps(value: Value, key: str) -> Dict[str, Value]:
     entries = value.mapping(key)
     if not entries:
@@ -103,12 +99,15 @@ def _steps(value: Value, key: str) -> Dict[str, Value]:
     return entries
 
 
+# Expressions stay as they are: they are unfolded by what the whole file says.
 FUNCTION: Keys = {
     "function": basic(
-        Reader("expression, or list of them", _as_it_is),
+        Reader("expression, or list of them", lambda value, key: value),
         "how it is computed; may stand alone, without this key; a list: each element of a vector",
     ),
-    "constraint": basic(Reader("condition", _as_it_is), "where it is false, there is no output"),
+    "constraint": basic(
+        Reader("condition", lambda value, key: value), "where it is false, there is no output"
+    ),
     "quality": _quality,
     "error": _known_error,
     "where": Key(
@@ -145,10 +144,6 @@ COUNTS: Keys = {
     "bad": Key(whole_number(1000), "this many bad messages make a failure"),
     "of": Key(whole_number(1000), "among this many, the last ones"),
 }
-
-
-def _value_checks(value: Value, key: str) -> Dict[str, Optional[Limit]]:
-    return read_entry(value, key, VALUE_CHECKS)
 
 
 def _checks(value: Value, key: str) -> Checks:
@@ -196,7 +191,10 @@ VALUE: Keys = {
     "fault_tolerant_error": Key(
         positive, "what 95 % of a substitute's error must be within, in the property's unit"
     ),
-    "checks": Key(Reader("mapping", _value_checks), "what else is a failure of the value"),
+    "checks": Key(
+        Reader("mapping", lambda value, key: read_entry(value, key, VALUE_CHECKS)),
+        "what else is a failure of the value",
+    ),
     "calibrate": Key(flag, "learn gain and offset of its substitutes while the sensor works"),
 }
 """A value of a service, under `provides`."""

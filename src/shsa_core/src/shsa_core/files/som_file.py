@@ -9,7 +9,7 @@ from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
 from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
-from shsa_core.files.trust import written_by_others
+from shsa_core.files.regular import written_by_others
 from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
@@ -56,6 +56,14 @@ def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
             raise ModelError(added, why)
         tree = _with_added(tree, read_yaml(added))
     return read_tree(tree, namespace)
+
+
+def refuse_others_commands(som: Som, path: str) -> None:
+    """Raise ModelError if a SOM starts programs, and others can write its file."""
+    names = [each.name for each in som if each.last_resort.command or each.policy.restarts]
+    why = written_by_others(path) if names else ""
+    if why:
+        raise ModelError(path, f"it starts programs ({', '.join(names)}), and {why}")
 
 
 def added_path(path: str) -> str:

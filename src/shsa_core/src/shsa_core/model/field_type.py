@@ -52,10 +52,8 @@ def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
         reduces = parsed.function in REDUCTIONS and step is parsed.steps[-1]
         try:
             kind = _enter(kind, step, reduces, layout)
-        except _NoField as error:
-            raise ShsaError(f"{message_type} has no field {field}: {error}") from error
         except ShsaError as error:
-            raise ShsaError(f"{message_type}: {error}") from error
+            raise ShsaError(f"{message_type} has no field {field}: {error}") from error
     if parsed.function in ANGLES:
         if "/" not in kind or not {"x", "y", "z", "w"} <= set(layout(kind)):
             raise ShsaError(f"{message_type}: {field} is of a quaternion, and this is a {kind}")
@@ -70,18 +68,14 @@ def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
     return FieldType(kind, low, high)
 
 
-class _NoField(ShsaError):
-    """A message type lacks a field."""
-
-
 def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
     """Return the type that a step leads to."""
     if "/" not in kind:
-        raise _NoField(f"a {kind} has no fields")
+        raise ShsaError(f"a {kind} has no fields")
     fields = layout(kind)
     if step.name not in fields:
         known = listed(list(fields)) or "none"
-        raise _NoField(f"{step.name} is not one of {known}{nearest(step.name, fields)}")
+        raise ShsaError(f"{step.name} is not one of {known}{nearest(step.name, fields)}")
     element, bracket, size = fields[step.name].partition("[")
     if not bracket:
         if step.part is not None or reduces:

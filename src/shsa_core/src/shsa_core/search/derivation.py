@@ -121,8 +121,7 @@ class SourceTable:
         self._base: Optional[SourceTable] = None  # for the properties that are not in `_of`
         self._of: Dict[int, Dict[Source, None]] = {}
         self._best: Dict[int, Tuple[Rating, Optional[Source]]] = {}
-        # By service, topic and node; made when something is left out for the first time.
-        self._named: Optional[Dict[str, Dict[Source, None]]] = None
+        self._named: Dict[str, Dict[Source, None]] = {}  # by service, topic, node and cause
         for source in sources:
             self.add(source)
 
@@ -133,8 +132,8 @@ class SourceTable:
         if source not in of:
             of[source] = None
             self._choose(self.network.number(source.property))
-            if self._named is not None:
-                _index(self._named, source)
+            for name in source.names:
+                self._named.setdefault(name, {})[source] = None
 
     def discard(self, source: Source) -> None:
         """Remove a source, if it is there."""
@@ -143,19 +142,14 @@ class SourceTable:
         if source in of:
             del of[source]
             self._choose(self.network.number(source.property))
-            if self._named is not None:
-                for name in source.names:
-                    self._named[name].pop(source, None)
+            for name in source.names:
+                self._named[name].pop(source, None)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
         """Return the table without the sources of some services, topics, nodes and causes.
 
         It is valid until the next change of this one, and costs as much as there is to leave out.
         """
-        if self._named is None:
-            self._named = {}
-            for source in [source for of in self._of.values() for source in of]:
-                _index(self._named, source)
         gone = {source for name in names for source in self._named.get(name, ())}
         if not gone:
             return self
@@ -193,11 +187,6 @@ class SourceTable:
         if best is not None:
             rating = (*rate_source(best).key, SOURCE, best.quality)
         self._best[number] = rating, best
-
-
-def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
-    for name in source.names:
-        named.setdefault(name, {})[source] = None
 
 
 def _order(source: Source) -> Tuple[int, int, Name]:

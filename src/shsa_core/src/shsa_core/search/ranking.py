@@ -8,7 +8,7 @@ the path that leads to it.
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
-from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, Optional, Sequence, Tuple
 
 from shsa_core.search.best import BestDerivations, Ratings, Usable, dependents
 from shsa_core.search.derivation import LOST, Rated, SourceTable
@@ -91,7 +91,6 @@ class Ranking:
         self._sources = sources
         self._best = BestDerivations(sources, usable, prune=False)
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
-        self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
         """Yield joint derivations of all targets, best first; their inputs follow the targets."""
@@ -149,7 +148,7 @@ class Ranking:
             ratings = Ratings(self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
-            best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
+            best.settle_cycle(dependents(best.ratings.users(cycle), path) - path, ratings)
         candidates = []
         for f in best.functions(number):
             inputs = self._network.inputs[f]
@@ -158,12 +157,6 @@ class Ranking:
             if candidate is not None:
                 candidates.append(candidate)
         return candidates
-
-    def _users_within(self, cycle: Sequence[int]) -> Mapping[int, Sequence[int]]:
-        """Map each property to those of a cycle whose best derivations use it at once."""
-        if cycle[0] not in self._users:
-            self._users[cycle[0]] = self._best.ratings.users(cycle)
-        return self._users[cycle[0]]
 
     def _candidate(
         self,
