@@ -180,21 +180,16 @@ class _Compiler:
         return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
-        """Return the lines that give the relation its value; what memories hear comes first."""
+        """Return the lines that give the relation its value; each step is evaluated for itself."""
         inline = Inline(relation.arguments, None if self._steady else self.memory_of)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
         lines = self._take_calls(inline)
-        heard = _heard(relation)
-        steps: List[Tuple[str, ast.expr]] = []
         for number, (name, tree) in enumerate(relation.steps, 1):
             variable = f"{relation.result}_{number}"
             value = inline.visit(tree)
             lines += self._take_calls(inline)
-            if name in heard:
-                lines += self._assign(variable, value, inline.ready)
-                inline.ready.append(variable)
-            else:
-                steps.append((variable, value))
+            lines += self._assign(variable, value, inline.ready)
+            inline.ready.append(variable)
             inline.variables[name] = variable
         expression = inline.visit(relation.expression)
         lines += self._take_calls(inline)
@@ -204,14 +199,8 @@ class _Compiler:
         conditions = [_finite(ready)] if ready else []
         if constraint is not None:
             conditions.append(self._part(constraint))
-        block = [f"{variable} = {self._part(value)}" for variable, value in steps]
-        last = f"{relation.result} = {self._part(expression)}"
-        if steps:
-            last = f"if {_finite(variable for variable, _ in steps)}: {last}"
-        block.append(last)
-        if conditions:
-            block = [f"if {' and '.join(conditions)}:"] + ["  " + line for line in block]
-        lines += _attempt(block)
+        holds = f"if {' and '.join(conditions)}: " if conditions else ""
+        lines += _attempt(f"{holds}{relation.result} = {self._part(expression)}")
         if relation.arguments:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
@@ -231,7 +220,7 @@ class _Compiler:
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         needed = [each for each in ready if each in used]
         holds = f"if {_finite(needed)}: " if needed else ""
-        return [f"{name} = nan", *_attempt([f"{holds}{name} = {self._part(tree)}"])]
+        return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
 
     def _part(self, tree: ast.expr) -> str:
         name = f"_part{len(self._parts)}"
@@ -260,26 +249,9 @@ def _names(code: CheckedCode) -> Set[str]:
     return {node.id for tree in trees for node in name_nodes(tree)}
 
 
-def _attempt(block: Iterable[str]) -> List[str]:
-    """Return the block, which ends where something has no value."""
-    lines = ["  " + line for line in block]
-    return ["try:", *lines, "except (ArithmeticError, ValueError): pass"]
-
-
-def _heard(relation: CheckedRelation) -> Set[str]:
-    """Return the names of the relation's steps that reach a function with memory."""
-    heard = {
-        name.id
-        for tree in relation.trees
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in STATEFUL
-        for name in ast.walk(call)
-        if isinstance(name, ast.Name)
-    }
-    for step, tree in reversed(relation.steps):
-        if step in heard:
-            heard.update(name.id for name in name_nodes(tree))
-    return heard
+def _attempt(line: str) -> List[str]:
+    """Return what runs a line, which ends where something has no value."""
+    return ["try:", "  " + line, "except (ArithmeticError, ValueError): pass"]
 
 
 def _finite(names: Iterable[str]) -> str:

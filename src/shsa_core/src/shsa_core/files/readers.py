@@ -115,7 +115,7 @@ def _reader(form: str, must: str, make: Callable[[Value], Any]) -> Reader:
     def read(value: Value, key: str) -> Any:
         try:
             return make(value)
-        except ValueError as error:
+        except (ValueError, ModelError) as error:
             raise value.error(f"{key} must be {must}, not {value.describe()}") from error
 
     return Reader(form, read)
@@ -162,9 +162,10 @@ def matching(pattern: "re.Pattern[str]", example: str) -> Reader:
     """Return a reader of a text that has a pattern."""
 
     def make(value: Value) -> str:
-        if len(value.text) > MAX_NAME or not pattern.match(value.text):
+        text = value.string(example)
+        if len(text) > MAX_NAME or not pattern.match(text):
             raise ValueError
-        return value.text
+        return text
 
     return _reader(f"like {example}", f"written like {example}", make)
 
@@ -172,7 +173,7 @@ def matching(pattern: "re.Pattern[str]", example: str) -> Reader:
 def one_of(words: Type[Word]) -> Reader:
     """Return a reader of one of some words."""
     form = ", ".join(str(each) for each in words)
-    return _reader(form, f"one of {form}", lambda value: words(value.text))
+    return _reader(form, f"one of {form}", lambda value: words(value.string(form)))
 
 
 def parsed(form: str, parse: Callable[[str], Any]) -> Reader:
