@@ -78,7 +78,8 @@ class _Reader:
             self._expect(self._take(f"'{line}'"), line, f"'{line}'")
         relations: List[CheckedRelation] = []
         while self._body and isinstance(self._body[0], ast.FunctionDef):
-            definition = self._body.pop(0)
+            definition = self._body[0]
+            del self._body[0]
             if len(relations) == MAX_RELATIONS:
                 self._fail(definition, f"at most {MAX_RELATIONS} functions are allowed")
             relations.append(self._read_relation(definition, f"_tf{len(relations) + 1}"))

@@ -100,7 +100,7 @@ def plan_service(
         for causes in (*service.avoided, ()):
             apart = available.excluding(causes)
             outputs = service.sources if whole else _derivable(service, apart)
-            question = ontology, service.name, outputs, apart, method, tried, predictor, steps
+            question = ontology, outputs, apart, method, tried, predictor, steps
             try:
                 plan = plan_sources(*question) if outputs else None
             except (NoSubstitute, GenerationError) as error:
@@ -124,7 +124,7 @@ def plan_witness(
 
     Raises ShsaError if there is none, or if it would only repeat what the service says.
     """
-    question = ontology, service.name, service.sources, table.excluding(excluded)
+    question = ontology, service.sources, table.excluding(excluded)
     plan = plan_sources(*question, predictor=predictor)
     if all(service.name in each.service.upstream for each in plan.inputs):
         raise NoSubstitute(service.properties, ())
@@ -154,7 +154,6 @@ def _derivable(service: Service, table: SourceTable) -> Tuple[Source, ...]:
 
 def plan_sources(
     ontology: Ontology,
-    service: str,
     outputs: Sequence[Source],
     table: SourceTable,
     method: str = "best",
@@ -162,16 +161,13 @@ def plan_sources(
     predictor: Optional[Predictor] = None,
     steps: Optional[int] = None,
 ) -> Plan:
-    """Return the best plan for some sources, as `plan_service`, from all in the table."""
+    """Return the best plan for sources of one service, as `plan_service`, from all in the table."""
     if method not in list(Method):
         known = ", ".join(map(str, Method))
         raise ModelError("method", f"{method!r} is not known; allowed are {known}")
     network, properties = ontology.network, [source.property for source in outputs]
-    asked = (
-        predictor,
-        outputs[0].service.prefer,
-        [source.provision.fault_tolerant_error for source in outputs],
-    )
+    limits = [source.provision.fault_tolerant_error for source in outputs]
+    asked = predictor, outputs[0].service.prefer, limits
     refused: Optional[GenerationError] = None
     too_wrong = ""
     failed = set()
@@ -179,7 +175,7 @@ def plan_sources(
     for usable, whole in nearest(table, numbers, network.executable, steps):
         found = listing(table, properties, usable, *asked, method=method)
         for rated, proven in islice(found, len(tried) + REFUSED_AT_MOST):
-            plan = make_plan(ontology, service, outputs, rated, proven and whole, predictor)
+            plan = make_plan(ontology, outputs, rated, proven and whole, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
             elif _too_wrong(plan):
@@ -209,7 +205,6 @@ def _too_wrong(plan: Plan) -> str:
 
 def make_plan(
     ontology: Ontology,
-    service: str,
     outputs: Sequence[Source],
     rated: Rated,
     proven_best: bool,
@@ -227,7 +222,7 @@ def make_plan(
     known = [error.quality for error in errors if error is not None and error.quality is not None]
     quality = prod(known) if len(known) == len(errors) else rated.quality
     return Plan(
-        service,
+        outputs[0].service.name,
         program,
         inputs_of(derivations),
         tuple(outputs),

@@ -129,7 +129,7 @@ class Fusions:
         function = fuse(derivations, list(zip(weights, calibrations))).function
         derivation = Derivation(function.output, None, function, tuple(derivations))
         joint = rate_joint([Rated((0, 0, 0), 1.0, derivation)])
-        plan = make_plan(self._ontology, source.service.name, (source,), joint, False, None)
+        plan = make_plan(self._ontology, (source,), joint, False, None)
         least = settings.FUSED_GAIN * min(_rms(part.errors.values()) for part in parts)
         return replace(plan, errors=(Error(least),)) if isinstance(plan, Plan) else plan
 

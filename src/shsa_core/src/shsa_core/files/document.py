@@ -9,7 +9,7 @@ import yaml  # type: ignore[import]
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_text
-from shsa_core.text import nearest
+from shsa_core.text import nearest, short
 
 MAX_DEPTH = 20
 
@@ -114,7 +114,7 @@ class Value:
             return "a mapping"
         if isinstance(self.data, list):
             return "a list"
-        text = self.text if len(self.text) <= 60 else self.text[:57] + "..."
+        text = short(self.text)
         return f"the text {text!a}" if isinstance(self.data, str) else text
 
 

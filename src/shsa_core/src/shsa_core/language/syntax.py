@@ -11,7 +11,7 @@ from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
 from shsa_core.language.functions import Fixed, power
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
-from shsa_core.text import nearest
+from shsa_core.text import nearest, short
 
 MAX_LENGTH = 40_000
 MAX_NODES = 10_000
@@ -88,14 +88,10 @@ def syntax_tree(text: str) -> ast.expr:
         hint = "; a comma within {...} ends it, unless it is quoted" if cut else ""
         raise ExpressionError(
             f"not an expression: it cannot be read from position {error.offset or 1} of "
-            f"'{_short(text)}'{hint}"
+            f"'{short(text)}'{hint}"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
-        raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "..."
+        raise ExpressionError(f"nested too deeply: '{short(text)}'") from error
 
 
 class _Checker:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Callable, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError, listed
-from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Named, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, REDUCTIONS, Named, Span, Step, parse_field
 from shsa_core.text import nearest
 
 Layout = Callable[[str], Mapping[str, str]]
@@ -92,8 +92,8 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
 
 def _highest(step: Step) -> Optional[int]:
     """Return the highest place of an array that a step names; None if it names none."""
-    if isinstance(step.part, Index):
-        return step.part.place
+    if isinstance(step.part, int):
+        return step.part
     if isinstance(step.part, Span) and step.part.stop is not None:
         return step.part.stop - 1
     return None

@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, FieldText, Index, Named, Selector, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, FieldText, Named, Selector, Span, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
 
 SHORTEST = 1e-6
@@ -51,7 +51,7 @@ def _place_of(owner: Any, part: Selector) -> Optional[int]:
     if isinstance(part, Named):
         names = getattr(owner, part.names)
         return names.index(part.name) if part.name in names else None
-    return part.place if isinstance(part, Index) else None
+    return part if isinstance(part, int) else None
 
 
 def _minimum(values: Sequence[float]) -> float:
