@@ -16,7 +16,7 @@ from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
 from shsa_core.model.host import Host
 from shsa_core.model.names import full_name
-from shsa_core.model.som import Som, allows_more, differences
+from shsa_core.model.som import Som, differences
 from shsa_core.model.service import Provision, Service, is_within
 
 PARAMETER = "shsa/som"
@@ -299,8 +299,6 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     provides = tuple(provisions[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
     new = dataclasses.replace(service, provides=provides, last_resort=resort)
-    if not allows_more(new, old):
-        return new
     fastest = old.period if new.period != old.period else None
     weakened = differences(new, old, "in the SOM file")
     return dataclasses.replace(new, weakened=weakened, fastest=fastest)
