@@ -41,9 +41,8 @@ def listing(
     """Yield every joint derivation: by its errors, then by quality, or by quality alone.
 
     Those by the relations to `prefer` come first. `limits` of the errors follow the properties.
-    Of those that are compared, what is not used by its error comes last if it is asked for as
-    `refused`, or where there is nothing else. By quality alone the first one is that of a `method`,
-    and may come again.
+    What is not used by its error comes last if it is `refused`, or where there is nothing else. By
+    quality alone the first one is that of a `method`, and may come again.
     """
     numbers = [table.network.number(name) for name in properties]
     known = predictor if method in (None, Method.BEST) else None
@@ -103,8 +102,8 @@ def compare(
 ) -> Compared:
     """Compare derivations of a property by what is preferred, and by their errors.
 
-    They are taken by turns from all relations that yield the property: which of them errs least
-    must not depend on their qualities. A fusion comes before all that it is of.
+    They are taken by turns from all relations that yield it: their qualities must not matter. A
+    fusion comes before all that it is of.
     """
     ranking = Ranking(table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]

@@ -27,8 +27,7 @@ def generate(
 ) -> Program:
     """Return the program that computes each derivation for its output path, in order.
 
-    Every input is read once and every relation computed once, however often it is used.
-    Raises GenerationError, by name, where a relation has no executable function.
+    Each input is read and each relation computed once. Raises GenerationError, by name.
     """
     nodes = in_order([derivation for derivation, _ in derivations])
     inputs = {_place(source): i for i, source in enumerate(inputs_of([d for d, _ in derivations]))}

@@ -86,12 +86,10 @@ def plan_service(
 ) -> Plan:
     """Return the best plan for a lost service, other than those `tried`, from the table's sources.
 
-    It uses neither the service itself nor the services, topics, nodes and causes `excluded`, and
-    what shares a cause with the service only if nothing else will do. Where no plan gives all
-    values, it gives a `part`. `method`: `best`, or `depth_first`, the first found. With a
-    `predictor` the best is that of the smallest error. `steps`: as for `nearest`.
-    Raises NoSubstitute with what is missing, GenerationError if only relations that cannot be
-    executed would do, or if its messages cannot be written.
+    It uses neither the service itself nor what is `excluded`, and what shares a cause with it only
+    if nothing else will do. Where no plan gives all values, it gives a `part`. With a `predictor`
+    the best is that of the smallest error. `steps`: as for `nearest`. Raises NoSubstitute with what
+    is missing, GenerationError if no code can be generated, or its messages cannot be written.
     """
     check_writable(service)
     available = table.excluding([service.name, *excluded])

@@ -103,10 +103,7 @@ class Predictor:
         return self._baselines.get(name)
 
     def knowing(self, measured: Mapping[str, Error], fusions: Sequence[Fusion] = ()) -> "Predictor":
-        """Return it with errors that were `measured`, by the `way` of a derivation: they count.
-
-        `fusions`: those that have proven better than what they are of.
-        """
+        """Return it with errors that were `measured`, by their `way`, and proven fusions."""
         found = copy(self)
         found._measured, found.fusions = measured, fusions
         return found

@@ -42,10 +42,9 @@ class CompiledProgram:
 def compile_program(
     code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, correct: Correct = None
 ) -> CompiledProgram:
-    """Check the code and compile it. Raises CodeError.
+    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
 
-    Stateful functions start anew after a gap of more than `max_gap` (s). `correct` gets the number
-    of an output and its value, and returns the one that all else is computed from.
+    `correct` gets an output's number and value, and returns what all else is computed from.
     """
     return _Compiler(max_gap, correct).compile(check_code(code, n_inputs, n_outputs))
 

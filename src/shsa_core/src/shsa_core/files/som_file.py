@@ -42,12 +42,9 @@ def read_som(path: str, namespace: str = "/") -> Som:
 
 
 def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
-    """Return the valid services of the SOM in a file, and all that is wrong with the rest.
+    """Return the valid services of the SOM in a file, and of those added to it, and what is wrong.
 
-    Those that were added to it, in the file beside it, count as well. Relative names of topics and
-    nodes are names in `namespace`.
-
-    Raises ModelError if a file as a whole cannot be read, or others could have added something.
+    Relative names are names in `namespace`. Raises ModelError if a file as a whole cannot be read.
     """
     tree, added = read_yaml(path), added_path(path)
     if os.path.lexists(added):
@@ -115,10 +112,9 @@ def merge_parameters(
 ) -> Tuple[Som, List[ModelError]]:
     """Return the SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
-    Parameters change numbers of services that the `file` has. What FROM_FILE_ALONE names, fields,
-    checks, errors and commands must be as there, a range at least as wide, a period at least as
-    long: what is healthy by the file stays so, however small the steps are. A service that is not
-    valid, or that is not there, stays as it is in `current`; None: as in the file.
+    What is healthy by the `file` stays so, however small the steps are: ranges and periods become
+    only larger, and FROM_FILE_ALONE names the rest. A service that is not valid, or not there,
+    stays as it is in `current`; None: as in the file.
     """
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):

@@ -82,8 +82,7 @@ class Growth:
     def look(self, time: float, beyond: float, apart: Optional[Tuple[float, float]]) -> None:
         """Look at a value that is `beyond` what was seen, by so much in variance.
 
-        `apart`: its difference from the other one, and the square of that which their errors
-        explain; None: that is not known.
+        `apart`: its difference from another one, and the square that is expected; None: unknown.
         """
         passed = max(0.0, time - self._looked)
         self._looked, found = time, beyond

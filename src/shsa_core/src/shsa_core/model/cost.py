@@ -57,8 +57,7 @@ def traffic(service: Service) -> float:
 def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
     """Return the cost of a substitute on a computer, which services call one of `here`.
 
-    Inputs of other computers cross its link, and so does the output, as its consumers may be
-    anywhere. A service counts once, however many of its values are read.
+    What comes from elsewhere crosses its link, and so does the output. A service counts once.
     """
     idle = idle_cost(inputs, here)
     return Cost(idle.cores + WRITTEN * READ_CORE_S * rate(output), idle.link + traffic(output))

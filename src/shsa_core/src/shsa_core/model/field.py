@@ -160,10 +160,6 @@ def to_path(field: str) -> str:
 
 
 def is_distance(message_type: str, field: str) -> bool:
-    """Return true if a field is a distance: NaN and infinite values tell what a sensor sees.
-
-    REP 117: of distances, +inf says that nothing is in reach, -inf that something is too close, and
-    NaN that one reading is of no use.
-    """
+    """Return true if a field is a distance, whose NaN and infinite values tell much (REP 117)."""
     steps = parse_field(field).steps
     return _DISTANCES.get(message_type) == steps[0].name

@@ -18,10 +18,9 @@ SHORTEST = 1e-6
 
 
 def field_value(message: Any, field: FieldText) -> Optional[float]:
-    """Return the field's value; None if the message has none, as it does not name it.
+    """Return the field's value; None if the message does not name it.
 
-    NaN where an array is shorter than the place, or where there is no number. The message's type
-    has the field: `field_type` says so.
+    NaN where an array is too short. The message's type has the field: `field_type` says so.
     """
     value = message
     for step in field.steps:
@@ -128,11 +127,7 @@ class Field:
         return field_value(message, self._parsed)
 
     def set(self, message: Any, value: float) -> None:
-        """Write the field; a whole number is rounded to.
-
-        What is named by its name and not there yet is added to the message. Raises ShsaError if the
-        value does not fit, or if an array has no such element.
-        """
+        """Write the field; a name that is not there is added. Raises ShsaError if that cannot be."""
         if not self.writable:
             raise ShsaError(f"{self._parsed} is read-only")
         owner = message

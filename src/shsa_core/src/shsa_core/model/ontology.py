@@ -63,10 +63,9 @@ class TransferFunction:
 
 @lru_cache(maxsize=None)
 def cost(quality: float) -> int:
-    """Return the cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT.
+    """Return the cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT, exact sums.
 
-    Equal products tie in whatever order they are multiplied: sums of whole numbers are exact, and
-    qualities of up to four decimals are split into prime factors first, so that 0.9 * 0.9 costs
+    Qualities of up to four decimals are split into prime factors first, so that 0.9 * 0.9 costs
     exactly what 0.81 costs. Any quality below 1 costs at least 1.
     """
     numerator = round(quality * DECIMALS)

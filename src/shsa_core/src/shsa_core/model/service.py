@@ -155,8 +155,7 @@ class Service:
     def avoided(self) -> Tuple[Tuple[str, ...], ...]:
         """The causes that its substitute does without: if that cannot be, the next; then none.
 
-        All that it shares; all but its computer, which everything else may be on as well. With
-        each of them the nodes to `avoid`: what is safe comes before what is wished.
+        First all that it shares, then all but its computer; each with the nodes to `avoid`.
         """
         shared = (self.shared, self.fails_with, ())
         tries = [each for causes in shared for each in ((*causes, *self.avoid), causes)]
@@ -274,11 +273,9 @@ class Deadlines:
     """A deadline that is learned is so many times that of others at most."""
 
     def of(self, service: Service) -> Optional[float]:
-        """Return the silence in s after which a service has failed and its values are stale; None:
-        neither ever.
+        """Return the silence in s until a service has failed, and values are stale; None: never.
 
-        One whose deadline is learned is as one that has none: so long its values are fresh, and so
-        long it may be silent before enough is known.
+        One whose deadline is learned has the usual one until enough is known.
         """
         if service.period is None:
             return None

@@ -236,9 +236,8 @@ class BestDerivations:
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
         """Return the lost properties in reach of `target` from which all others could be derived.
 
-        Parts are single properties, or those that depend on one another. Named is what can still
-        not be derived within its part once all that it needs outside can be: what has no function,
-        and what waits for itself. Not the fewest names, since each way to the target counts. What
+        They are not the fewest, since each way to the target counts: of each part, a property or
+        those that depend on one another, what cannot be derived though all outside can be. What
         depends on the target cannot help it. `ratings`: after a failure.
         """
         known, network = ratings or self.ratings, self._network

@@ -18,8 +18,7 @@ def first_found(
 ) -> Optional[Rated]:
     """Return a derivation of `target`: its source, else its first function that can be derived.
 
-    Within a round, a property that failed is not tried again, though it may have failed only
-    because of what was on the path then. So there are more rounds, each with what was found before,
+    A property that failed because of what was on the path then is tried again in another round,
     until one finds nothing new.
     """
     found = Ratings(sources)
