@@ -18,9 +18,8 @@ from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, defa
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
-from shsa_core.model.host import Placement
+from shsa_core.model.service import AdaptiveDeadline, LastResort, Placement
 from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
-from shsa_core.model.service import AdaptiveDeadline, LastResort
 
 LONGEST_COMMAND = 100
 

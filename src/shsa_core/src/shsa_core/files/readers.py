@@ -76,15 +76,13 @@ def read_keys(
     return given, errors
 
 
-def plain_entry(item: Any, keys: Keys) -> Dict[str, Any]:
+def plain_entry(item: Any, keys: Optional[Keys] = None) -> Dict[str, Any]:
     """Return a mapping as it is written: basic keys, and others that are not as by default."""
     usual = {field.name: field.default for field in dataclasses.fields(item)}
-    values = {key: getattr(item, key) for key in keys if key in usual}
-    return {
-        key: plain(value)
-        for key, value in values.items()
-        if value != usual[key] or keys[key].basic and value is not None
-    }
+    values = {key: getattr(item, key) for key in keys or usual if key in usual}
+    given = [key for key, each in (keys or {}).items() if each.basic]
+    said = {key: it for key, it in values.items() if it != usual[key] or key in given}
+    return {key: plain(it) for key, it in said.items() if it is not None}
 
 
 def plain(value: Any) -> Any:
@@ -96,9 +94,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [plain(each) for each in value]
     if dataclasses.is_dataclass(value):
-        fields = {each.name: each.default for each in dataclasses.fields(value)}
-        given = {name: getattr(value, name) for name in fields}
-        return {name: plain(it) for name, it in given.items() if it != fields[name]}
+        return plain_entry(value)
     return value
 
 

@@ -14,7 +14,7 @@ from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.som import Som, differences
 from shsa_core.model.service import Provision, Service, is_within

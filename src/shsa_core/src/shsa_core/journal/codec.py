@@ -15,7 +15,7 @@ from typing import Union, get_args, get_origin, get_type_hints
 from shsa_core.dispatch import members
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.text import short

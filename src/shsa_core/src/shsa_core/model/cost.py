@@ -3,7 +3,7 @@
 Estimates by measured figures, which docs/explanation/experiments.md has with their measurement.
 """
 from dataclasses import dataclass
-from typing import Collection, Dict, Iterable
+from typing import Collection, Dict, Iterable, Optional
 
 from shsa_core.model.service import Service
 
@@ -34,6 +34,15 @@ MESSAGE_BYTES: Dict[str, int] = {
 """A message of each type in bytes, serialized, with a frame's name of 8 letters."""
 OTHER_BYTES = 256
 """A message of any other type."""
+
+
+@dataclass(frozen=True)
+class Host:
+    """One computer of the robot: its CPUs, and what its link carries in bytes/s; None: any."""
+
+    name: str
+    cores: Optional[float] = None
+    link: Optional[float] = None
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Field:
         return field_value(message, self._parsed)
 
     def set(self, message: Any, value: float) -> None:
-        """Write the field; a name that is not there is added. Raises ShsaError if that cannot be."""
+        """Write the field; add a name that is not there. Raises ShsaError if that cannot be."""
         if not self.writable:
             raise ShsaError(f"{self._parsed} is read-only")
         owner = message

@@ -6,7 +6,6 @@ from typing import ClassVar, Optional, Tuple, Union
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import to_path
-from shsa_core.model.host import Placement
 from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
 
 USUAL_BRIDGE = 2.5
@@ -34,6 +33,14 @@ class Provision:
     usual: Optional[Tuple[float, float]] = None
     unknown_with: str = dataclasses.field(default="", compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Hosts by name: where a substitute rather runs, best first, and where it never does."""
+
+    prefer: Tuple[str, ...] = ()
+    forbid: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

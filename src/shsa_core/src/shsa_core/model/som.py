@@ -4,7 +4,7 @@ from math import inf
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ModelError
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service, Signal, Source, is_within
 
