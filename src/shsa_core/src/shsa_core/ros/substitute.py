@@ -2,7 +2,6 @@
 import os
 import sys
 import threading
-import time
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import Callable, Iterable, Iterator, List, Optional, Set, Tuple, Union
@@ -135,8 +134,7 @@ class SubstituteNode:
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
             if self._clock.now() >= self._core.next_deadline:
-                unheard = time.monotonic() - self._heart.answered
-                self._feed(events.Tick(self._clock.now(), unheard))
+                self._feed(events.Tick(self._clock.now(), self._heart.unheard))
 
     def _feed(self, event: events.Event) -> None:
         for command in self._answer(event):
