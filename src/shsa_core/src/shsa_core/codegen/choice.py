@@ -20,8 +20,6 @@ MOST_PARTS = 256
 """The most parts that they may have together: healing waits for the answer."""
 MARGIN = 0.1
 """By this share an error that was measured must be smaller than another one to come before it."""
-KNOWN, UNKNOWN = range(2)
-"""A known error comes before one that is not."""
 
 
 Listing = Iterator[Tuple[Rated, bool]]
@@ -160,13 +158,13 @@ def _clearly_sorted(errors: Mapping[int, float]) -> List[int]:
 
 def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
-) -> Tuple[int, float, float]:
-    """Return what orders a derivation; another service, of unknown error, goes by its quality."""
+) -> Tuple[bool, float, float]:
+    """Return what orders it: known errors first; another service of none goes by its quality."""
     baseline = predictor.baseline(derivation.property)
     if error is None:
         source = derivation.source
-        return (UNKNOWN, 0.0, 0.0) if source is None else (KNOWN, 1.0 - source.quality, 0.0)
-    return KNOWN, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
+        return source is None, 0.0 if source is None else 1.0 - source.quality, 0.0
+    return False, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
 
 
 def joined(counts: Sequence[int]) -> Iterator[Tuple[int, ...]]:

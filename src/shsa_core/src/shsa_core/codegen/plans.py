@@ -91,7 +91,9 @@ def plan_service(
     the best is that of the smallest error. `steps`: as for `nearest`. Raises NoSubstitute with what
     is missing, GenerationError if no code can be generated, or its messages cannot be written.
     """
-    check_writable(service)
+    why = service.unwritable or read_alone(service)
+    if why:
+        raise GenerationError(f"no substitute for {service.name}: {why}")
     available = table.excluding([service.name, *excluded])
     none: ShsaError = NoSubstitute(service.properties, ())
     for whole in (True, False):
@@ -211,7 +213,8 @@ def make_plan(
     """Return the plan by a joint derivation of `outputs`, or why no code can be generated."""
     derivations = rated.derivation.inputs
     try:
-        program = program_of(ontology, derivations, outputs)
+        parts = zip(derivations, [source.output for source in outputs])
+        program = generate(list(parts), ontology.constants)
     except GenerationError as error:
         return error
     errors: List[Optional[Error]] = [None] * len(derivations)
@@ -242,25 +245,10 @@ def safe_values(service: Service) -> Optional[Plan]:
     return Plan(service.name, program, (), outputs, 0.0, (), False, (), (None,) * len(outputs))
 
 
-def check_writable(service: Service) -> None:
-    """Raise GenerationError if the messages of a service cannot be written, by whatever plan."""
-    why = service.unwritable or read_alone(service)
-    if why:
-        raise GenerationError(f"no substitute for {service.name}: {why}")
-
-
 def read_alone(service: Service) -> str:
     """Return why the fields of a service cannot be written by any type; empty if they can."""
     fields = (provision.field for provision in service.provides)
     return next((f"{field} is read-only" for field in fields if reduces(field)), "")
-
-
-def program_of(
-    ontology: Ontology, derivations: Sequence[Derivation], outputs: Sequence[Source]
-) -> Program:
-    """Return the program that derives each output. Raises GenerationError."""
-    parts = [(derivation, source.output) for derivation, source in zip(derivations, outputs)]
-    return generate(parts, ontology.constants)
 
 
 def _nothing(
@@ -275,7 +263,9 @@ def _nothing(
         names = [name for name, number in zip(properties, numbers) if number in lost]
         return NoSubstitute(properties, sorted(missing), lost=names)
     try:
-        program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
+        paths = [source.output for source in outputs]
+        derivations = map(best.ratings.derivation, numbers)
+        generate(list(zip(derivations, paths)), ontology.constants)
     except GenerationError as error:
         return error
     raise AssertionError("what can be generated was found before")
