@@ -140,15 +140,12 @@ class RemoteHost:
             self._answer(command, now, why)
 
     def _reach(self, message: Message, now: float) -> None:
-        """Both ends hear each other from now on."""
+        """Both ends hear each other: from now on what runs there is what is wanted."""
         self.is_reached, self._lost = True, False
         self._found = set(message.running)
         self._send(self._watched)
-        if self._settled:
-            self._reconcile(now)
-
-    def _reconcile(self, now: float) -> None:
-        """Stop what runs there and is not wanted; tell of what is wanted and does not run."""
+        if not self._settled:
+            return
         for node in sorted(self._wanted - self._found):
             self._wanted.discard(node)
             self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))

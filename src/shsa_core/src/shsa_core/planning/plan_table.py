@@ -121,8 +121,10 @@ class PlanTable:
                 continue
             for name in set(service.properties) - reached if self._answers else ():
                 reached |= {name, *(nx.descendants(graph, name) if name in graph else ())}
-        needed = ((name, self._needed[name].properties) for name in self._answers)
-        return sorted(found | {name for name, each in needed if not reached.isdisjoint(each)})
+        for name in self._answers if reached else ():
+            if not reached.isdisjoint(self._needed[name].properties):
+                found.add(name)
+        return sorted(found)
 
     def drop(self, name: str) -> None:
         """Make the answer for a service anew, if there is one."""
