@@ -213,8 +213,7 @@ def make_plan(
     """Return the plan by a joint derivation of `outputs`, or why no code can be generated."""
     derivations = rated.derivation.inputs
     try:
-        parts = zip(derivations, [source.output for source in outputs])
-        program = generate(list(parts), ontology.constants)
+        program = program_of(ontology, derivations, outputs)
     except GenerationError as error:
         return error
     errors: List[Optional[Error]] = [None] * len(derivations)
@@ -251,6 +250,14 @@ def read_alone(service: Service) -> str:
     return next((f"{field} is read-only" for field in fields if reduces(field)), "")
 
 
+def program_of(
+    ontology: Ontology, derivations: Sequence[Derivation], outputs: Sequence[Source]
+) -> Program:
+    """Return the program that derives each output. Raises GenerationError."""
+    parts = [(derivation, source.output) for derivation, source in zip(derivations, outputs)]
+    return generate(parts, ontology.constants)
+
+
 def _nothing(
     ontology: Ontology, table: SourceTable, properties: Sequence[str], outputs: Sequence[Source]
 ) -> ShsaError:
@@ -263,9 +270,7 @@ def _nothing(
         names = [name for name, number in zip(properties, numbers) if number in lost]
         return NoSubstitute(properties, sorted(missing), lost=names)
     try:
-        paths = [source.output for source in outputs]
-        derivations = map(best.ratings.derivation, numbers)
-        generate(list(zip(derivations, paths)), ontology.constants)
+        program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
     except GenerationError as error:
         return error
     raise AssertionError("what can be generated was found before")
