@@ -45,7 +45,6 @@ class Settings:
         return doubled(self.retry, times, max(self.retry, self.retry_limit))
 
 
-SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
 ANSWER_S = 0.5
@@ -54,10 +53,7 @@ ANSWER_S = 0.5
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 # To answer and for a process to end; as roslaunch: after it was asked, and after SIGTERM.
 EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
-LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
-STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
-FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
 
 # Processes of substitutes.
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message

@@ -103,7 +103,6 @@ def _write(value: Any) -> Any:
 
 @lru_cache(maxsize=None)
 def _writer(type_: Any) -> Write:
-    """Return what makes JSON values of the values of a class."""
     if type_ in FORMS:
         take = FORMS[type_].take
         return lambda value: _write(take(value))
@@ -131,7 +130,6 @@ def _writer(type_: Any) -> Write:
 
 @lru_cache(maxsize=None)
 def _reader(hint: Any) -> Read:
-    """Return what makes values of a type of JSON values."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint in FORMS:
         form, inner = FORMS[hint], _reader(FORMS[hint].hint)
@@ -183,10 +181,7 @@ def _read_union(types: Sequence[Any]) -> Read:
 
 
 def _read_object(types: Iterable[Any]) -> Read:
-    """Read an object of one of some dataclasses, or of one that is derived from them.
-
-    Where only one is possible, its class need not be told.
-    """
+    """Read an object of some dataclasses and those derived; where there is one, it is not named."""
     classes = [each for type_ in types for each in _descent(type_)]
     fields = {each.__name__: (each, _fields(each)) for each in classes}
     if len(fields) < len(classes):
@@ -216,7 +211,6 @@ def _descent(type_: Any) -> List[Any]:
 
 @lru_cache(maxsize=None)
 def _fields(type_: Any) -> Dict[str, Read]:
-    """Return the readers of the fields that the constructor of a dataclass takes."""
     hints = get_type_hints(type_)
     try:
         return {f.name: _reader(hints[f.name]) for f in dataclasses.fields(type_) if f.init}

@@ -8,7 +8,7 @@ import sys
 import threading
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, List, Optional, Set, Tuple, get_args
+from typing import Callable, Dict, List, Optional, Set, Tuple
 
 import rospy
 from shsa_msgs import msg
@@ -105,10 +105,9 @@ class ReconfiguratorNode:
         journals = os.path.splitext(journal)[0] + ".substitute_" if journal else ""
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
-        self._local = LocalHost(self._told, signs, how)
+        self._local = LocalHost(self._put, signs, how)
         host_of = self._core.robot.host_of
-        self._hosts = AllHosts(self._local.carry_out, signing, self._told, host_of, arguments.host)
-        self._asked: Dict[str, float] = {}
+        self._hosts = AllHosts(self._local.carry_out, signing, self._put, host_of, arguments.host)
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
         self._incidents = Incidents(arguments.incident_log, signing)
@@ -129,12 +128,9 @@ class ReconfiguratorNode:
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
-                **dict.fromkeys(get_args(HostCommand), self._on_host),
+                **dict.fromkeys(dispatch.members(HostCommand), self._hosts.carry_out),
                 events.WriteDown: lambda c: self._records.write(c.records, c.removed),
                 events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
-                events.AssignSubstitute: lambda c: self._put(
-                    events.SubstituteStarted(clock.now(), c.node, self._decided)
-                ),
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
@@ -148,7 +144,6 @@ class ReconfiguratorNode:
             signing,
             self._companion,
         )
-        self._decided = clock.now()
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         # First of all: what runs goes on, and no substitute may take a name that was used.
@@ -172,12 +167,12 @@ class ReconfiguratorNode:
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
-        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
-        signing.subscribe(names.FAILURES, failures, self._failure)
         self._health_began: Dict[str, int] = {}
         self._monitors: Dict[str, TableSubscriber] = {}
         self._signing = signing
         self._hear_monitors(som)
+        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
+        signing.subscribe(names.FAILURES, failures, self._failure)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -273,25 +268,12 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
-        commands = self._answer(event)
-        self._decided = clock.now()
-        for command in commands:
+        for command in self._answer(event):
             try:
                 self._carry_out[type(command)](command)
             except Exception as error:  # whatever it is, the commands after it are carried out
                 what = type(command).__name__
                 rospy.logerr_throttle(10.0, f"{what} could not be carried out: {error!r}")
-
-    def _on_host(self, command: HostCommand) -> None:
-        if isinstance(command, events.StartSubstitute):
-            self._asked[command.node] = self._decided
-        self._hosts.carry_out(command)
-
-    def _told(self, event: Event) -> None:
-        """A computer tells this; the search for a substitute had ended when it was asked for."""
-        if isinstance(event, events.SubstituteStarted):
-            event = replace(event, found=self._asked.pop(event.node, event.found))
-        self._put(event)
 
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
@@ -376,6 +358,9 @@ class ReconfiguratorNode:
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:
+        monitors = (rospy.resolve_name(names.monitor_of(host)) for host in self._monitors)
+        if message._connection_header["callerid"] in monitors:
+            return  # its table has told that
         if not message.sent and self._queue.qsize() > MOST_WAITING:
             rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
