@@ -15,8 +15,7 @@ from shsa_core.healing.settings import Settings
 from shsa_core.language.expression import parse_law
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Standby
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 

@@ -3,7 +3,7 @@ from typing import Any, List, Sequence
 
 from core_robot import A, B, C, Robot, service
 from shsa_core.healing import events
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.som import Som
 

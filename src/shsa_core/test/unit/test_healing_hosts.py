@@ -4,8 +4,8 @@ from core_robot import A, C, Robot, assigned, has, last_incident, only, publishi
 from hosts_robot import BOARD, PI, distributed, lost, seen, som, stopped, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.cost import cost
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host, cost
+from shsa_core.model.service import Placement
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
 

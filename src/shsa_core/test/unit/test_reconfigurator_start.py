@@ -8,7 +8,7 @@ import pytest
 
 from shsa_core.errors import ModelError
 from shsa_core.healing.settings import Settings
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 

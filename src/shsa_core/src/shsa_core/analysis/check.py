@@ -17,13 +17,12 @@ from shsa_core.errors import GenerationError, ModelError, ModelErrors, NoSubstit
 from shsa_core.errors import listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
-from shsa_core.files.trust import refuse_others_commands
+from shsa_core.files.som_file import refuse_others_commands
 from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
@@ -185,7 +184,7 @@ def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
     network = ontology.network
-    best = BestDerivations(network, SourceTable(network, sources))
+    best = BestDerivations(SourceTable(network, sources))
     for item in ontology.properties.values():
         if not best.settle(network.number(item.name)):
             what = f"{item.name} cannot be reached: no service provides it, "

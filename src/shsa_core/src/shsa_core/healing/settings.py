@@ -1,8 +1,7 @@
 """The reconfigurator's times and limits: each with its unit and its reason."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from shsa_core.agenda import doubled
-from shsa_core.codegen.plans import METHODS
 from shsa_core.model.service import Deadlines
 
 
@@ -14,10 +13,10 @@ class Settings:
     hold_off: float = 2.0  # that a node that is back must stay healthy; each relapse doubles it
     switches: int = 3  # relapses in a row after which a node is kept out; 0: they do not count
     node_restarts: int = 3  # times that a node is started again
-    method: str = field(default="best", metadata={"one_of": METHODS})  # of the search
-    pool: int = field(default=2, metadata={"most": 100})  # idle processes for the warm services
+    method: str = "best"  # of the search
+    pool: int = 2  # idle processes for the warm services
     # Hot substitutes that have a process each; those beyond share some of so many; 0: none shares.
-    hot_hosts: int = field(default=20, metadata={"most": 1000})
+    hot_hosts: int = 20
     minimum_deadline: float = Deadlines.minimum  # as the monitor's: after it a value is stale
 
     # What tests and benches set.

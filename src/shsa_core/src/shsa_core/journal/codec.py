@@ -15,9 +15,10 @@ from typing import Union, get_args, get_origin, get_type_hints
 from shsa_core.dispatch import members
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.text import short
 
 CLASS = "class"
 """The key of an object's class; no field can have this name."""
@@ -276,6 +277,4 @@ def _expect(type_: type, data: Any, path: str, wanted: str) -> Any:
 
 
 def _refusal(path: str, wanted: str, data: Any) -> _Refused:
-    seen = repr(data)
-    short = seen if len(seen) <= 60 else seen[:57] + "..."
-    return _Refused(f"{path} must be {wanted}, not {short}")
+    return _Refused(f"{path} must be {wanted}, not {short(repr(data))}")

@@ -19,7 +19,7 @@ from shsa_core.analysis.registrations import Part
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som
-from shsa_core.files.trust import refuse_others_commands
+from shsa_core.files.som_file import refuse_others_commands
 from shsa_core.healing import events
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator

@@ -134,7 +134,6 @@ def _one(asked: Asked, loss: Loss) -> Answer:
     try:
         plan = plan_sources(
             asked.ontology,
-            output.service.name,
             [output],
             table,
             asked.first,

@@ -19,7 +19,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import LOST, Derivation, rate_source
-from shsa_core.search.ratings import Ratings
+from shsa_core.search.best import Ratings
 
 Nodes = FrozenSet[str]
 
