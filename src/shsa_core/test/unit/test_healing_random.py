@@ -121,9 +121,6 @@ class AnyRobot(RuleBasedStateMachine):
         self.used.add(command.node)
         self.running.add(command.node)
 
-    def on_AssignSubstitute(self, command: events.AssignSubstitute) -> None:
-        assert command.node in self.running, "work for a process that is not there"
-
     def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
         assert command.node in self.used | self.named
         self.running.discard(command.node)
@@ -196,7 +193,7 @@ class AnyRobot(RuleBasedStateMachine):
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
-                    planner.inputs(plan),
+                    planner.signals(plan.inputs),
                     plan.program.code,
                     planner.outputs(plan),
                     plan.relations,
@@ -351,10 +348,10 @@ class AnyRobot(RuleBasedStateMachine):
                     events.NodeFound(now, node, events.Where.DEAD),
                     events.NodeLeft(now, node),
                     events.ProcessUntouchable(now, node),
-                    events.NodeRestarted(now, node, known),
+                    events.NodeRestarted(now, node),
                     events.RestartFailed(now, node, "as told"),
                     events.StarterEnded(now, node),
-                    events.SubstituteStarted(now, node, now),
+                    events.SubstituteStarted(now, node),
                 )
             )
         )

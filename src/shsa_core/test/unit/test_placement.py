@@ -7,9 +7,8 @@ from core_robot import A, B, C, ONTOLOGY, service
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing.settings import Settings
-from shsa_core.model.cost import EVENT_RATE_HZ, Cost, cost, rate, traffic
-from shsa_core.model.host import Host
-from shsa_core.model.host import Placement as Wanted
+from shsa_core.model.cost import EVENT_RATE_HZ, Cost, Host, cost, rate, traffic
+from shsa_core.model.service import Placement as Wanted
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.planning.placement import HERE, Computers, Place, Placement
@@ -200,8 +199,8 @@ def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     assert hosts.seen(0.0, PI, 0.0, 4.0)
     assert not hosts.seen(1.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 0.0
-    assert hosts.seen(3.0, PI, 0.0, 4.0)
-    assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
+    assert hosts.seen(3.5, PI, 0.0, 4.0)
+    assert hosts.of(PI).steady == 3.5 and hosts.counts(PI, 3.5)
 
 
 def test_a_computer_is_in_doubt_while_it_has_just_come_back() -> None:

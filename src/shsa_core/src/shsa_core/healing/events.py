@@ -48,9 +48,9 @@ class NodeEvent(Event):
 class Started(Event):
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
-    `records`: what a former one has written down. `running`: the substitutes, and the nodes that
-    were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: those of which nobody knows that. `subscribers`: as in GraphSeen.
+    `records`: what a former one has written down. `running`: the substitutes and nodes started
+    again that run on. `leftovers`: other nodes named as a substitute that are dead; `strangers`:
+    those of which nobody knows that. `subscribers`: as in GraphSeen.
     """
 
     leftovers: Tuple[str, ...] = ()
@@ -99,6 +99,11 @@ class FailureSeen(Event):
     last_good: Optional[float] = None
     last_message: bytes = b""
 
+    @property
+    def good_until(self) -> float:
+        """Return when the last good message came, or the failure, if none is known."""
+        return self.time if self.last_good is None else self.last_good
+
 
 @dataclass(frozen=True)
 class HealthSeen(Event):
@@ -136,10 +141,7 @@ class GraphSeen(Event):
 
 @dataclass(frozen=True)
 class NodeLearned(NodeEvent):
-    """It was looked which process a node is; `known`: that is verified.
-
-    `protected`: why it is never killed unless the SOM says so; empty: it may be.
-    """
+    """It was looked which process a node is; `known`: that is verified; `protected`: as in Case."""
 
     known: bool
     protected: str = ""
@@ -147,7 +149,7 @@ class NodeLearned(NodeEvent):
 
 @dataclass(frozen=True)
 class NodeCameUp(NodeEvent):
-    """A process has come up as one of the nodes of WatchNodes, or is about to."""
+    """A process has come up as one of the nodes of WatchNodes."""
 
 
 @dataclass(frozen=True)
@@ -189,9 +191,7 @@ class ProcessUntouchable(NodeEvent):
 
 @dataclass(frozen=True)
 class SubstituteStarted(NodeEvent):
-    """The process of a substitute was set to work; `found`: when the search had ended."""
-
-    found: float
+    """The process of a substitute was started."""
 
 
 @dataclass(frozen=True)
@@ -200,11 +200,6 @@ class ProcessExited(NodeEvent):
 
     detail: str
     started: bool = True
-
-    @property
-    def told(self) -> str:
-        """Return a text of what happened."""
-        return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)
@@ -224,9 +219,7 @@ class SubstituteRequested(Event):
 
 @dataclass(frozen=True)
 class NodeRestarted(NodeEvent):
-    """A node was started again; `with_us`: who started it first has started us too."""
-
-    with_us: bool
+    """A node was started again."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +231,7 @@ class RestartFailed(NodeEvent):
 
 @dataclass(frozen=True)
 class StarterEnded(NodeEvent):
-    """Those who started `node` first have ended: roslaunch, or a terminal."""
+    """Those who started `node` first have ended, or end with us: roslaunch, or a terminal."""
 
 
 @dataclass(frozen=True)
@@ -372,11 +365,6 @@ class StartSubstitute(NodeCommand):
     outputs: Tuple[Signal, ...] = ()
     host: str = ""
     shared: bool = False
-
-
-@dataclass(frozen=True)
-class AssignSubstitute(NodeCommand):
-    """Have a running process see its program in the table; answered by SubstituteStarted."""
 
 
 @dataclass(frozen=True)

@@ -1,49 +1,18 @@
 """Commands to one computer, and its events; to an agent and back each is one line of JSON."""
 import json
-from typing import Any, Callable, Optional, Protocol, Union
+from typing import Any, Callable, Optional, Union
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.journal.codec import Codec
 
-NodeCommand = Union[
-    events.LearnNode,
-    events.FindNode,
-    events.AskToLeave,
-    events.EndProcess,
-    events.ClearNode,
-    events.StartSubstitute,
-    events.StopSubstitute,
-    events.RestartNode,
-    events.StopNode,
-]
-"""Commands about one node."""
-HostCommand = Union[NodeCommand, events.WatchNodes]
-HostEvent = Union[
-    events.NodeLearned,
-    events.NodeCameUp,
-    events.NodeFound,
-    events.NodeAnswered,
-    events.NodeLeft,
-    events.NodeUnregistered,
-    events.ProcessUntouchable,
-    events.SubstituteStarted,
-    events.ProcessExited,
-    events.ProcessPulse,
-    events.NodeRestarted,
-    events.RestartFailed,
-    events.StarterEnded,
-]
+HostCommand = Union[events.NodeCommand, events.WatchNodes]
+HostEvent = events.NodeEvent
 COMMANDS, EVENTS = Codec(HostCommand), Codec(HostEvent)
 Tell = Callable[[HostEvent], None]
 """Is told an event, from any thread; waits for nobody."""
-
-
-class Host(Protocol):
-    """Carries out the commands about the processes of one computer, and tells its events."""
-
-    def carry_out(self, command: HostCommand) -> None:
-        """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""
+CarryOut = Callable[[HostCommand], object]
+"""Begins to carry out a command, and waits for nobody; what fails is answered by an event."""
 
 
 def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:

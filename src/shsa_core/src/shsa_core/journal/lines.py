@@ -8,6 +8,7 @@
 import hashlib
 import json
 import os
+from contextlib import suppress
 from typing import Any, NamedTuple, NoReturn, Sequence, Tuple
 
 from shsa_core.errors import ModelError
@@ -54,6 +55,21 @@ def write_all(file: int, data: bytes) -> None:
     """Write all of the data to a file descriptor. Raises OSError."""
     while data:
         data = data[os.write(file, data) :]
+
+
+def write_anew(path: str, data: bytes) -> int:
+    """Write a file beside a path, and put it in its place; return it, open. Raises OSError."""
+    beside = path + ".new"
+    with suppress(FileNotFoundError):
+        os.unlink(beside)
+    file = create(beside)
+    try:
+        write_all(file, data)
+        os.replace(beside, path)
+    except OSError:
+        os.close(file)
+        raise
+    return file
 
 
 def read_line(line: bytes, where: str) -> Any:

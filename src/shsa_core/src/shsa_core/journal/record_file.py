@@ -3,14 +3,13 @@
 A line is one JSON object: the first has the format's version and the owner of the records, any
 other a record, or the keys of those that are gone.
 """
-import contextlib
 import os
-from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional, Protocol, Tuple
+from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_own
 from shsa_core.journal.codec import Codec
-from shsa_core.journal.lines import create, read_line, write_all, write_line
+from shsa_core.journal.lines import read_line, write_all, write_anew, write_line
 
 VERSION = 1
 HEADER, REMOVED = "records", "removed"
@@ -18,14 +17,6 @@ LIMIT_BYTES = 20_000_000
 """The longest file that is read."""
 GROWTH_BYTES = 1_000_000
 """The file is written anew after it has grown by this."""
-
-
-class Record(Protocol):
-    """Anything that a codec knows, and that has a key."""
-
-    @property
-    def key(self) -> str:
-        """The name of the record."""
 
 
 class Former(NamedTuple):
@@ -58,8 +49,8 @@ class RecordFile:
         self._grown = 0
         self._fails = False
 
-    def write(self, records: Iterable[Record], removed: Iterable[str] = ()) -> None:
-        """Add and replace records, and drop those of some keys. Raises nothing."""
+    def write(self, records: Iterable[Any], removed: Iterable[str] = ()) -> None:
+        """Add and replace records, each with its `key`, and drop those of keys. Raises nothing."""
         lines = {each.key: write_line(self._codec.encode(each)) for each in records}
         gone = [key for key in removed if self._kept.pop(key, None) is not None]
         self._kept.update(lines)
@@ -77,15 +68,9 @@ class RecordFile:
             self._tell(None)
 
     def _write_anew(self) -> None:
-        """Write the whole beside the file, and put it in its place."""
         self.close()
-        beside = self._path + ".new"
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(beside)
-        self._file = create(beside)
-        write_all(self._file, write_line({HEADER: VERSION, **self._owner}))
-        write_all(self._file, b"".join(self._kept.values()))
-        os.replace(beside, self._path)
+        header = write_line({HEADER: VERSION, **self._owner})
+        self._file = write_anew(self._path, b"".join((header, *self._kept.values())))
         self._grown = 0
 
     def close(self) -> None:
@@ -118,7 +103,7 @@ def read_records(path: str, codec: Codec) -> Former:
     owner = read_line(lines[0], f"{path}:1")
     if owner.pop(HEADER, None) != VERSION or not _are_texts(owner.values()):
         raise ModelError(f"{path}:1", "these are no records")
-    kept: Dict[str, Record] = {}
+    kept: Dict[str, Any] = {}
     for number, line in enumerate(lines[1:], 2):
         where = f"{path}:{number}"
         fields = read_line(line, where)

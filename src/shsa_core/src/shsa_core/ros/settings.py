@@ -5,14 +5,15 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 
 # Turns: how long a thread that handles events waits at most.
 TURN_S = 0.1
-"""No longer between two looks at the clock: it bounds how late a message is known to have come."""
+"""No longer between two looks at the clock: it bounds how late a message is known to have come. As
+often a process, and an agent, gives a sign of life: a heartbeat."""
 
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
 handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
 on this computer has refused a call, or dropped it, by then."""
-SOON_S = 0.02
-"""Between two looks at what wakes nobody: processes that end, messages that wait to matter."""
+TICK_S = 0.05
+"""Between two looks for processes that end or are silent."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
@@ -67,22 +68,18 @@ many of other users and computers to our topics."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16
-"""Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
-is refused too: the SOM is looked at all the same."""
+"""Of a call to it; all of them together so have 13 MB."""
 CALLER_SHARE, CALLER_CREDIT_S = 0.02, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 
 # Signs of life.
-TICK_S = 0.05
-"""Between two looks for silent processes, here and on other computers."""
-HEARTBEAT_S = 0.1
-"""Between two signs of life, of a process and of an agent."""
 HUNG_BEATS = 15
 """A substitute that gave no sign of life for so many heartbeats is ended."""
-STARVED_S = 15.0
-"""A process that waits for a processor may be silent for so long: then another one is needed."""
+STARVED = 10
+"""A process that waits for a processor may be silent for so many times as long: then another one is
+needed."""
 HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
 """The same of a healer that is ended by the other; they differ: one of both stays."""
 
@@ -96,7 +93,8 @@ CALL_S = 0.5
 long an answer holds, as of the master, who publishes what."""
 PATIENCE_S = 2.0
 """So long somebody is given who may take a while: the master of a large robot to answer, anybody to
-say who connects to us, a process to begin or to end, a log to take its last lines."""
+say who connects to us, a process to begin or to end, a log to take its last lines; and between two
+looks at where everybody is, and at the parameters."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
 """Between two tries of what fails, as of a fork, or a table: it doubles each time. The longest is
 between two log lines on the same trouble or sender as well, and how long a substitute goes on
@@ -111,9 +109,7 @@ RETURN_BEATS = 40
 # The master.
 MASTER_LOOK_S = 0.25
 """Between two looks at the master and at shsa/som: what is new counts within a second."""
-MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
-"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
 LOOKING_SHARE = 0.02
 """Of the time at most this much goes into looking: it takes long on a large robot."""
-INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
-"""After a publisher has come; the master takes 0.1 s, and a connection a moment."""
+INTRODUCTION_LOOKS = (1, 4, 12)
+"""At so many of them after a publisher has come; the master takes 0.1 s, a connection a moment."""

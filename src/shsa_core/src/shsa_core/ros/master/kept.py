@@ -5,14 +5,13 @@ Parameters are not among it: a robot that was launched anew must not get those o
 import json
 import os
 import time
-from contextlib import suppress
 from typing import NamedTuple
 
 import rospy
 
 from shsa_core.analysis.registrations import NOTHING, Graph, Part
 from shsa_core.files.regular import read_own
-from shsa_core.journal.lines import create, write_all, write_line
+from shsa_core.journal.lines import write_anew, write_line
 from shsa_core.ros import settings
 from shsa_core.ros.trust.places import boot
 
@@ -44,15 +43,7 @@ class KnowledgeFile:
             if data == self._written:
                 os.utime(self._path)
                 return
-            beside = self._path + ".new"
-            with suppress(FileNotFoundError):
-                os.unlink(beside)
-            file = create(beside)
-            try:
-                write_all(file, data)
-            finally:
-                os.close(file)
-            os.replace(beside, self._path)
+            os.close(write_anew(self._path, data))
             self._written = data
         except OSError as error:
             self._written = b""
