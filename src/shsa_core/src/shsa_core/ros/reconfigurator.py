@@ -14,17 +14,13 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
-from shsa_core.analysis.budget import check_budgets
-from shsa_core.analysis.check import refuse_invalid
+from shsa_core.analysis import budget, check, duties, schedulability, type_check
 from shsa_core.analysis.registrations import Part
-from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.type_check import Problem, mark_unusable
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som
 from shsa_core.files.som_file import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -50,7 +46,6 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
-from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import maintain, maintained, take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -70,14 +65,14 @@ class ReconfiguratorNode:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._reloading = threading.Lock()
-        self._said: List[Problem] = []
+        self._said: List[type_check.Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
-        settings = read_parameters(Settings)
+        parameters = read_parameters(Settings)
         setup = {
             "ontology": ontology,
             "som": self._usable(som),
-            "settings": settings,
+            "settings": parameters,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
             "restarts": arguments.restart_as_root or os.geteuid() != 0,
@@ -87,8 +82,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        unfit = check_placements(ontology, som, settings, arguments.host)
-        for finding in (*check_budgets(som, settings), *unfit):
+        unfit = schedulability.check_placements(ontology, som, parameters, arguments.host)
+        for finding in (*budget.check_budgets(som, parameters), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
@@ -124,7 +119,7 @@ class ReconfiguratorNode:
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: RecordFile
-        self._commands = Workers("command", MOST_CALLS)
+        self._commands = Workers("command", settings.MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
@@ -238,7 +233,7 @@ class ReconfiguratorNode:
 
     def _usable(self, som: Som) -> Som:
         """The SOM as far as it can be used here; what cannot be is said once."""
-        marked, problems = mark_unusable(som)
+        marked, problems = type_check.mark_unusable(som)
         for problem in problems:
             if problem not in self._said:
                 LOG[Level.ERROR if problem.needed else Level.WARN]("%s.", problem.text)
@@ -298,7 +293,10 @@ class ReconfiguratorNode:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
-        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, had=self._listed[1])]
+        now = [
+            duties.subscribers_of(som, parts[1]),
+            duties.duties_of(som, names, *parts, had=self._listed[1]),
+        ]
         new = [
             tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k) != b.get(k, ()))
             for a, b in zip(self._listed, now)
@@ -377,9 +375,7 @@ class ReconfiguratorNode:
     def _hear_monitors(self, som: Som) -> None:
         """Hear the monitors of more computers, if they have one; no host: that of all others."""
         for host in {"", *som.hosts} - self._monitors.keys():
-            health, calibrations = (
-                names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
-            )
+            health, calibrations = names.told_by_monitor(host)
             self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
             TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
             heard = partial(self._health, host)
@@ -406,7 +402,7 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     errors = [*errors, *som_errors]
     if errors:
         raise ModelErrors(errors)
-    refuse_invalid(read_ontology, read_som)
+    check.refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
 
