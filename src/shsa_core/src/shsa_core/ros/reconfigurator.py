@@ -35,8 +35,10 @@ from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
+from shsa_core.ros.master.kept import KnowledgeFile
 from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.processes.starting import Setup
+from shsa_core.ros.trust.places import boot
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
@@ -145,7 +147,7 @@ class ReconfiguratorNode:
         self._master = MasterWatch(
             lambda node: node.startswith(prefix),
             self._see_graph,
-            record_path(rospy.get_namespace(), "master"),
+            KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
             self._core.robot.acts(som),
         )
         self._may_act(som)

@@ -13,7 +13,6 @@ from shsa_core.analysis.registrations import NOTHING, Graph, Part
 from shsa_core.files.regular import read_own
 from shsa_core.journal.lines import write_anew, write_line
 from shsa_core.ros import settings
-from shsa_core.ros.trust.places import boot
 
 LARGEST_B = 1 << 25
 """A larger file is not read."""
@@ -27,10 +26,13 @@ class Known(NamedTuple):
 
 
 class KnowledgeFile:
-    """A file at `path` that is ours alone; it counts for LONGEST_PAUSE_S after it was written."""
+    """A file at `path` that is ours alone; it counts for LONGEST_PAUSE_S after it was written.
 
-    def __init__(self, path: str) -> None:
-        self._path = path
+    And in the same `boot` of the computer.
+    """
+
+    def __init__(self, path: str, boot: str) -> None:
+        self._path, self._boot = path, boot
         self._written = b""
 
     def write(self, known: Known) -> None:
@@ -38,7 +40,7 @@ class KnowledgeFile:
         pid, (parts, nodes, providers) = known
         pairs = {part.value: sorted(parts[part]) for part in Part}
         places = {"nodes": nodes, "providers": providers}
-        data = write_line({"boot": boot(), "pid": pid, "parts": pairs, **places})
+        data = write_line({"boot": self._boot, "pid": pid, "parts": pairs, **places})
         try:
             if data == self._written:
                 os.utime(self._path)
@@ -54,7 +56,7 @@ class KnowledgeFile:
         try:
             age = time.time() - os.stat(self._path).st_mtime
             told = json.loads(read_own(self._path, LARGEST_B))
-            if told["boot"] != boot() or not 0.0 <= age <= settings.LONGEST_PAUSE_S:
+            if told["boot"] != self._boot or not 0.0 <= age <= settings.LONGEST_PAUSE_S:
                 return Known()
             pairs = {part: told["parts"][part.value] for part in Part}
             parts = {part: frozenset((name, node) for name, node in pairs[part]) for part in Part}

@@ -119,14 +119,14 @@ class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
     `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
-    master. While `acts` is false it only looks. `path`: the file for what the master knows.
+    master. While `acts` is false it only looks. `file`: for what the master knows.
     """
 
     def __init__(
         self,
         is_ours: Callable[[str], bool],
         seen: Callable[[State], None],
-        path: str,
+        file: KnowledgeFile,
         acts: bool,
     ) -> None:
         self._is_ours, self._seen, self.acts = is_ours, seen, acts
@@ -135,8 +135,8 @@ class MasterWatch:
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
-        self._file = KnowledgeFile(path)
-        self._pid, self._known = self._file.read()
+        self._file = file
+        self._pid, self._known = file.read()
         self._parameters: Mapping[str, Any] = {}
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
