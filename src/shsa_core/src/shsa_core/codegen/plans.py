@@ -184,8 +184,8 @@ def plan_sources(
             plan = make_plan(ontology, service, outputs, rated, proven and whole, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
-            elif _too_wrong(plan):
-                too_wrong = too_wrong or _too_wrong(plan)
+            elif errs_too_much(plan):
+                too_wrong = too_wrong or errs_too_much(plan)
             elif plan not in tried:
                 return plan
             else:
@@ -199,7 +199,7 @@ def plan_sources(
     raise _nothing(ontology, table, properties, outputs)
 
 
-def _too_wrong(plan: Plan) -> str:
+def errs_too_much(plan: Plan) -> str:
     """Return why a plan is not used by its errors, in words; empty: it may be."""
     for source, derivation, error in zip(plan.outputs, plan.derivations, plan.errors):
         why = refusal(error, source.provision.fault_tolerant_error)

@@ -308,13 +308,13 @@ class Substitute:
         return self.plan is not None and self.plan.computes and not self.plan.left_out
 
     def find(self, service: Service, faulty: str) -> Plan:
-        """Return the plan to follow now: the one that is followed, if it holds and gives all.
+        """Return the plan to follow now: the one followed, if it holds, gives all and may err so.
 
         Raises ShsaError if there is none.
         """
         plan, planner = self.plan, self._robot.planner
         if plan is not None and self.whole and plan not in self.tried:
-            if planner.usable(plan, {faulty}):
+            if planner.usable(plan, {faulty}) and not planner.errs_too_much(plan):
                 return plan
         return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
 

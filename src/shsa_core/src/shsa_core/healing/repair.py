@@ -161,13 +161,20 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
 
 
 def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Follow a plan that errs clearly less by now, as another derivation contradicts this one."""
+    """Follow a plan that errs clearly less by now, as another derivation contradicts this one.
+
+    Without one, who errs more than is tolerated is used no more: silence does less harm.
+    """
     substitute = service.substitute
     another = substitute.better(service.spec, service.incident.faulty_node)
-    assert another is not None and substitute.plan is not None
+    assert substitute.plan is not None
+    topic, why = service.spec.topic, service.robot.planner.errs_too_much(substitute.plan)
+    if another is None:
+        text = f"{topic}: the substitute is used no more: {why}."
+        return [Log(Level.WARN, text), *heal(service)]
     substitute.tried |= {substitute.plan}
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
-    return [Log(Level.WARN, f"{service.spec.topic}: {text}"), *follow(service, another)]
+    return [Log(Level.WARN, f"{topic}: {text}"), *follow(service, another)]
 
 
 def retry(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -424,7 +431,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
-    yield healed, Trigger.OUTGROWN, give_way, (healed,)
+    yield healed, Trigger.OUTGROWN, give_way, (healed, *_STUCK_OR_HEALING)
     for state in (healing, healed, safe):
         yield state, Trigger.SUBSTITUTE_FAILED, heal, _STUCK_OR_HEALING
 

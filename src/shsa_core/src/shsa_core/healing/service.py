@@ -350,10 +350,13 @@ class ServiceMachine:
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
     def outgrown(self) -> List[Command]:
-        """Change the plan of a substitute if another one errs clearly less by now."""
-        healed, faulty = self.state is State.HEALED, self.incident.faulty_node
-        better = self.substitute.better(self.spec, faulty) if healed else None
-        return [] if better is None else self.fire(Trigger.OUTGROWN)
+        """Change the plan of a substitute that errs too much, or clearly more than another."""
+        substitute, faulty = self.substitute, self.incident.faulty_node
+        if self.state is not State.HEALED or substitute.plan is None:
+            return []
+        outgrown = self.robot.planner.errs_too_much(substitute.plan)
+        outgrown = outgrown or substitute.better(self.spec, faulty) is not None
+        return self.fire(Trigger.OUTGROWN) if outgrown else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""

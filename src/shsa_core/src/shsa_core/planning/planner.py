@@ -4,9 +4,9 @@ from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set
 
 from shsa_core.codegen.fusion import fusions_of
 from shsa_core.codegen.generator import ways_of
-from shsa_core.codegen.plans import Plan, plan_service, safe_values
+from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
-from shsa_core.errors import ShsaError
+from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
 from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
@@ -203,8 +203,26 @@ class Planner:
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         """Return the best plan for a service without some nodes, but for those tried.
 
-        Raises ShsaError.
+        Raises ShsaError, also if all others err too much by now.
         """
+        refused = ""
+        while True:
+            try:
+                plan = self._best(service, excluded, tried)
+            except NoSubstitute as none:
+                if not refused:
+                    raise
+                raise NoSubstitute(service.properties, (), refused=refused) from none
+            why = self.errs_too_much(plan)
+            if not why:
+                return plan
+            refused, tried = refused or why, {*tried, plan}
+
+    def errs_too_much(self, plan: Plan) -> str:
+        """Return why a plan is not used by what it errs by now, in words; empty: it may be."""
+        return errs_too_much(replace(plan, errors=self.errors(plan)))
+
+    def _best(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
