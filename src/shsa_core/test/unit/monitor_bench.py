@@ -1,7 +1,7 @@
 """The monitor's core on the bench: time is moved by hand, messages and connections are made up."""
 from dataclasses import replace
 from math import inf
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Set, Tuple
 
 from shsa_core.model.checks import Checks, default_checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
@@ -19,6 +19,7 @@ from shsa_core.monitoring.events import (
     Interrupted,
     Message,
     SomChanged,
+    Subscribed,
     SubstitutionsChanged,
     Tick,
 )
@@ -101,7 +102,9 @@ class Bench:
             self.connect("/another", "/elsewhere")
 
     def watch(self, *services: Service, unheard: Tuple[str, ...] = ()) -> None:
-        self.send(SomChanged(self.now, Som(services), unheard))
+        self.send(SomChanged(self.now, Som(services)))
+        for topic in dict.fromkeys(each.topic for each in services if each.topic not in unheard):
+            self.send(Subscribed(self.now, topic))
 
     def send(self, event: Event) -> List[Command]:
         if isinstance(event, Message):
@@ -177,6 +180,10 @@ class Bench:
         whole = tuple(row(node, publishing, topic) for node, publishing in rows)
         self.send(SubstitutionsChanged(self.now, whole, whole=True))
 
+    def muted(self) -> Set[Key]:
+        """Return the substitutes that stand by."""
+        return {each.key for each in self.core._board.all() if self.core._board.is_muted(each)}
+
     def state(self, node: str = NODE, topic: str = TOPIC) -> Optional[str]:
         found = self.rows.get((topic, node))
         return str(found.state) if found else None
@@ -193,7 +200,7 @@ def check_tables(core: Monitor) -> None:
         assert topic.publishers, f"{topic.name} has no row"
         for name, watched in topic.services.items():
             due = board.agenda.when(watched)
-            told = not watched.is_awaited or not topic.subscribed
+            told = watched.due == inf or not topic.subscribed
             assert told or due < inf, f"nobody waits for {name}"
     for publisher in board.all():
         where = f"{publisher.name or 'nobody'} on {publisher.topic.name}"

@@ -69,9 +69,13 @@ class Driver:
             if deadline > time:
                 break
             self.time = deadline
-            heard += self.tell(events.Tick)
+            heard += self.tell(events.Tick, self.time - self.healer_heard())
         self.time = time
         return heard
+
+    def healer_heard(self) -> float:
+        """Return when the last sign of life of the reconfigurator came."""
+        return self.time
 
     def arrive(self, value: float, topic: str = "/in", publisher: str = "/sensor") -> List[Any]:
         """A message with one field comes."""
@@ -88,7 +92,7 @@ class Driver:
     def served(self, commands: List[Any], *consumers: str) -> List[Any]:
         """Answer the look at the original among `commands`."""
         (look,) = only(commands, events.LookAtOriginal)
-        return self.tell(events.OriginalServes, look, frozenset(consumers))
+        return self.tell(events.OriginalServes, look, frozenset(consumers) if consumers else None)
 
     def stream(self, until: float, value: float = 1.0, topic: str = "/in") -> None:
         """The input comes once a period, and time passes."""

@@ -28,18 +28,19 @@ class Left(Driver):
         """The monitor tells that a node is gone, or fails otherwise."""
         self.tell(events.FailureHeard, topic, kind, LAST)
 
+    def healer_heard(self) -> float:
+        return self.heard
+
     def until(self, time: float) -> List[Any]:
-        """Let time pass: each look is answered, and what it takes over comes as its row."""
+        """Let time pass: what it takes over comes as its row."""
         said: List[Any] = []
         while self.time < time:
             self.arrive(1.0)
             now = self.pass_to(min(time, self.time + 0.02))
             while now:
                 said += now
-                ago, looks = self.time - self.heard, only(now, events.LookAtHealer)
-                answers = [self.tell(events.HealerHeard, ago) for _ in looks]
                 rows = [self.change(each.row) for each in only(now, events.TakeOver)]
-                now = [each for commands in (*answers, *rows) for each in commands]
+                now = [each for commands in rows for each in commands]
         return said
 
 
@@ -105,7 +106,7 @@ def test_what_it_has_no_plan_for_is_left_alone() -> None:
 def test_one_that_is_told_no_silence_takes_nothing_over() -> None:
     process = Left(heard=9.97, patience=0.0)
     process.gone()
-    assert not only(process.until(20.0), events.LookAtHealer)
+    assert not only(process.until(20.0), events.TakeOver)
 
 
 def test_it_is_idle_again_once_the_node_is_back() -> None:
@@ -150,8 +151,7 @@ def test_a_reconfigurator_that_comes_back_does_not_mute_it() -> None:
 def test_its_own_row_gives_way_to_one_of_the_table() -> None:
     process = Left(heard=9.97)
     process.gone()
-    process.pass_to(10.48)
-    (taken,) = only(process.tell(events.HealerHeard, PATIENCE), events.TakeOver)
+    (taken,) = only(process.pass_to(10.6), events.TakeOver)
     given = replace(row(outputs=(signal("/other"),)), service="other")
     process.change(given)
     process.change(taken.row)

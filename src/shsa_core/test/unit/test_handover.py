@@ -16,7 +16,9 @@ def standing_in() -> Driver:
 def answer(driver: Driver, *consumers: str, up: bool = True) -> List[Any]:
     """Answer the last look."""
     look = only([command for _, command in driver.said], events.LookAtOriginal)[-1]
-    return driver.tell(events.OriginalServes, look, frozenset(consumers), up)
+    return driver.tell(
+        events.OriginalServes, look, frozenset(consumers) if up or consumers else None
+    )
 
 
 def due(driver: Driver, number: int) -> List[Any]:

@@ -413,7 +413,7 @@ def test_who_passes_on_what_a_substitute_holds_is_not_stuck() -> None:
         bench.message(1.0045, "/substitute_1", "/imu")
         bench.message(1.0045, "/filtered_n", "/filtered")
     assert bench.kinds() == [("/imu_n", "node_gone")]
-    assert "a substitute publishes" in bench.rows["/filtered", "/filtered_n"].detail
+    assert "is a substitute's" in bench.rows["/filtered", "/filtered_n"].detail
 
 
 def test_several_nodes_out_of_range_at_once_accuse_the_som_or_the_world() -> None:

@@ -6,6 +6,7 @@ import pytest
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, row, service
 
 from shsa_core.journal.codec import Codec
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.events import Message, SubstitutionsChanged, Tick
 from shsa_core.monitoring.publishers import Publisher
@@ -103,7 +104,7 @@ def test_a_gap_while_healing_connects_does_not_teach(bench: Bench) -> None:
     bench.connect()
     gap(bench, 0.2)
     assert allowed(bench) == FIXED
-    bench.stream(10)
+    bench.stream(round(CHANGEOVER_S / PERIOD) + 1)
     gap(bench, 0.2)
     assert allowed(bench) > FIXED
 

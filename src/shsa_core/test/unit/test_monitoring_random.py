@@ -168,7 +168,9 @@ class AnyRobot(RuleBasedStateMachine):
             self.connected = {
                 key: there for key, there in self.connected.items() if self.som.of_topic(key[0])
             }
-        self.hear(events.SomChanged(self.bench.now, self.som, tuple(sorted(unheard))))
+        self.hear(events.SomChanged(self.bench.now, self.som))
+        for topic in sorted({*self.som.topics()} - unheard):
+            self.hear(events.Subscribed(self.bench.now, topic))
 
     @rule(topic=st.sampled_from(TOPICS))
     def subscribed(self, topic: str) -> None:

@@ -12,7 +12,7 @@ PACKAGE = SOURCE / "shsa_core"
 # Lower to higher; those in one row do not know one another.
 ORDER = [
     ("text",),
-    ("errors", "dispatch", "agenda", "table", "watch"),
+    ("errors", "dispatch", "agenda", "table", "watch", "backlog"),
     ("message_types", "trust"),
     ("language",),
     ("model",),

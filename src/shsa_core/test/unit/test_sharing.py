@@ -247,9 +247,9 @@ def test_a_program_that_is_refused_costs_the_others_nothing() -> None:
 def test_left_alone_it_ends_unless_one_publishes() -> None:
     process = Process("c", "d")
     process.tell(events.RowChanged, row("c", publishing=True))
-    assert process.tell(events.LeftAlone) == []
+    assert process.tell(events.ReachChanged, False, True) == []
     process.tell(events.RowChanged, row("c"))
-    only_of(process.tell(events.LeftAlone), events.GiveUp)
+    only_of(process.tell(events.ReachChanged, False, True), events.GiveUp)
 
 
 def test_one_bridges_while_the_others_are_muted() -> None:

@@ -130,12 +130,12 @@ def test_who_does_not_answer_either_is_not_said_to_have_a_secret(pair: Pair) -> 
 
 def test_another_computer_has_a_row_with_its_clock() -> None:
     answered = time.monotonic_ns() - 7 * 10**9
-    seen = Met(b"", "pi", "10.0.0.2", 0, -250 * 10**6, answered - 2 * 10**6, answered)
+    seen = Met(b"", "pi", "10.0.0.2", 0, -300 * 10**6, answered - 2 * 10**6, answered)
     row = diagnostics.computer_row(seen)
     assert (row.name, row.level) == ("computer pi at 10.0.0.2", diagnostics.WARN)
-    assert row.message == "its clock is 0.2500 s behind, known within 0.0010 s"
+    assert row.message == "its clock is 0.3000 s behind, known within 0.0010 s"
     assert {each.key: each.value for each in row.values} == {
-        "clock offset (s)": "-0.250000",
+        "clock offset (s)": "-0.300000",
         "known within (s)": "0.001000",
         "round trip (s)": "0.002000",
         "measured (s ago)": "7",

@@ -37,8 +37,8 @@ def test_a_new_topic_is_announced_at_once_and_looked_after_in_pauses() -> None:
     driver = Driver(row())
     assert events.Advertise("/out", FLOAT) in [command for _, command in driver.said]
     driver.time = 1.0
-    assert driver.ready() == [events.Announce("/out", FLOAT)]
-    assert looks(driver, 60.0) == [1.05, 1.15, 1.35, 1.75, 2.55, 4.15]
+    assert driver.ready() == [events.Remind(("/out",))]
+    assert looks(driver, 60.0) == [1.0, 1.05, 1.15, 1.35, 1.75, 2.55, 4.15]
 
 
 def test_an_idle_process_has_no_hurry() -> None:
@@ -66,7 +66,7 @@ def test_a_prepared_topic_is_not_advertised_again_but_looked_after() -> None:
 def test_a_topic_that_is_wanted_while_it_is_being_advertised_is_announced() -> None:
     driver = Driver(idle(outputs=(A,)))
     driver.change(row(outputs=(A,)))
-    assert driver.ready("/a") == [events.Announce("/a", FLOAT)]
+    assert driver.ready("/a") == [events.Remind(("/a",))]
 
 
 def test_nothing_is_published_before_the_topic_is_advertised() -> None:
@@ -81,6 +81,7 @@ def test_nothing_is_published_before_the_topic_is_advertised() -> None:
 def test_nobody_is_told_of_a_topic_that_was_taken_back() -> None:
     driver = running()
     driver.change(idle())
+    driver.said.clear()
     assert driver.ready() == []
     assert looks(driver, 60.0) == []
 
@@ -125,7 +126,7 @@ def test_it_looks_once_a_period_whom_the_original_serves() -> None:
     assert (look.topic, look.original) == ("/out", "/node")
     driver.stream(0.1)
     assert only([c for _, c in driver.said], events.LookAtOriginal) == [look]
-    driver.tell(events.OriginalServes, look, frozenset())
+    driver.tell(events.OriginalServes, look, None)
     assert len(only(driver.pass_to(0.1 + PERIOD), events.LookAtOriginal)) == 1
 
 
@@ -141,11 +142,10 @@ def test_it_yields_each_consumer_once_the_original_serves_it() -> None:
     driver = standing_in()
     driver.served(driver.pass_to(PERIOD), "/one")
     driver.arrive(1.0)
-    heard = driver.pass_to(2 * PERIOD)
-    assert served(heard) == [frozenset({"/one"})]
-    driver.served(heard)
+    looks = driver.pass_to(2 * PERIOD)
+    assert served(driver.served(looks, "/one")) == [frozenset({"/one"})]
     driver.arrive(1.0)
-    assert served(driver.pass_to(3 * PERIOD)) == [frozenset()]
+    assert served(driver.served(driver.pass_to(3 * PERIOD))) == [frozenset()]
 
 
 def test_a_joining_consumer_that_the_original_serves_is_left_to_it() -> None:
@@ -159,9 +159,9 @@ def test_muted_it_serves_the_others_for_a_while_and_looks_at_once() -> None:
     driver = standing_in()
     driver.stream(0.1)
     assert len(only([c for _, c in driver.said], events.LookAtOriginal)) == 1  # not answered
-    driver.tell(events.OriginalServes, driver.said[0][1], frozenset())  # not one of its looks
+    driver.tell(events.OriginalServes, driver.said[0][1], None)  # not one of its looks
     (look,) = only([c for _, c in driver.said], events.LookAtOriginal)
-    driver.tell(events.OriginalServes, look, frozenset())
+    driver.tell(events.OriginalServes, look, None)
     (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
     while driver.time < 0.1 + CHANGEOVER_S - PERIOD:
         driver.tell(events.OriginalServes, look, frozenset({"/one"}))
@@ -226,7 +226,7 @@ def test_it_yields_to_whom_the_row_names_when_it_is_muted() -> None:
     (look,) = only(driver.change(row(False, original="/node")), events.LookAtOriginal)
     assert look.original == "/node"
     assert values(driver.pass_to(PERIOD)) == []
-    assert values(driver.tell(events.OriginalServes, look, frozenset())) == [(1.0,)]
+    assert values(driver.tell(events.OriginalServes, look, None)) == [(1.0,)]
 
 
 def test_it_yields_no_more_once_the_row_names_nobody_or_another_topic() -> None:

@@ -203,7 +203,9 @@ class AnySubstitute(RuleBasedStateMachine):
         if self.looks:
             look = self.looks.pop(0)
             self.stale_looks = max(0, self.stale_looks - 1)
-            self.hear(events.OriginalServes(self.now, look, frozenset(served), up or bool(served)))
+            self.hear(
+                events.OriginalServes(self.now, look, frozenset(served) if up or served else None)
+            )
 
     @rule(topic=st.sampled_from(("/out", "/other")))
     def other(self, topic: str) -> None:

@@ -8,9 +8,9 @@ integrals, which start at the last good value, event-driven and latched topics, 
 only been whole numbers, which may be states.
 """
 from collections import deque
-from dataclasses import dataclass
 from math import inf
-from typing import Callable, Deque, FrozenSet, Iterator, List, Optional, Set, Tuple, Union
+from typing import Callable, Deque, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple
+from typing import Union
 
 from shsa_core.codegen.plans import plan_service, plan_witness
 from shsa_core.codegen.prediction import Predictor
@@ -32,16 +32,14 @@ UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees
 Said = Union[CalibrationsChanged, Log]
 
 
-@dataclass
-class _Wanted:
-    """A plan to be searched for a service, without what is excluded; `first`: its best one.
+class _Wanted(NamedTuple):
+    """A plan to be searched for a service, without the nodes `excluded`: its own, and others.
 
     `watches`: it replaces nobody, and may read what is computed from the service.
     """
 
     service: Service
     excluded: Tuple[str, ...]
-    first: bool = True
     watches: bool = False
 
 
@@ -132,8 +130,8 @@ class Calibrations:
 
     def _search(self, wanted: _Wanted) -> List[Said]:
         assert self._table is not None
-        service = wanted.service
-        said = self._rest(service.name) if wanted.first else []
+        service, first = wanted.service, len(wanted.excluded) == 1
+        said = self._rest(service.name) if first else []
         question = self._ontology, service, self._table, wanted.excluded
         try:
             if wanted.watches:
@@ -144,11 +142,12 @@ class Calibrations:
         except ShsaError:
             return said  # nothing would take its place
         self._follow(followed)
-        if wanted.first:
+        if first:
             nodes = dict.fromkeys(source.node for source in plan.inputs)
             without = [(*wanted.excluded, node) for node in nodes]
-            more = [_Wanted(service, each, False, w) for each in without for w in (False, True)]
-            self._wanted.extend(more)
+            self._wanted.extend(
+                _Wanted(service, each, w) for each in without for w in (False, True)
+            )
         return said
 
     def _rest(self, service: str) -> List[Said]:

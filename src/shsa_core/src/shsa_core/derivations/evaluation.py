@@ -76,10 +76,8 @@ class Output:
 
     def _told(self, time: float) -> Optional[Tuple[float, float]]:
         """Return the calibrated value, and its variance; None: not known."""
-        if self.calibrator is None or self.derived is None:
-            return None
         error = self.learned.error
-        if error is None:
+        if self.calibrator is None or self.derived is None or error is None:
             return None
         return self.learned(self.derived), error.rms**2 + self.calibrator.aged(time)
 

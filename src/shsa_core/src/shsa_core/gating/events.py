@@ -8,14 +8,13 @@ from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChan
 
 @dataclass(frozen=True)
 class Arrived:
-    """A message came on the topic that the node publishes on.
+    """A message came on the topic that the node publishes on, or on that which consumers hear.
 
-    `stamp`: of its header in ns, 0: none. `newest`: no later one of its publisher has come yet.
+    `newest`: no later one of its publisher has come yet.
     """
 
     message: Message
     data: bytes
-    stamp: int = 0
     newest: bool = True
 
     @property
@@ -24,16 +23,7 @@ class Arrived:
         return self.message.time
 
 
-@dataclass(frozen=True)
-class Overheard:
-    """Somebody else published on the topic that consumers hear; `stamp` as above."""
-
-    time: float
-    publisher: str
-    stamp: int = 0
-
-
-Event = Union[SubstitutionsChanged, Arrived, Overheard, Disconnected, Tick]
+Event = Union[SubstitutionsChanged, Arrived, Disconnected, Tick]
 
 
 @dataclass(frozen=True)

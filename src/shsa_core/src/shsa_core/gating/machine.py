@@ -12,8 +12,8 @@ from shsa_core.model.checks import Finding
 from shsa_core.model.log import Level
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service
-from shsa_core.model.substitution import Substitution, row_key
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution, row_key
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence
 from shsa_core.watch import Watch
 
@@ -70,21 +70,20 @@ class Gate:
         self._values_alone = _values_alone(service)
         self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
-        self._judges: Dict[str, Evidence] = {}  # of the substitutes, by their nodes
+        self._derived = Evidence(self._values_alone)  # what substitutes say; it holds no history
+        self._substitutes: Set[str] = set()
         self._newest: Optional[Arrived] = None  # good message of a substitute
-        self._strangers: Dict[str, float] = {}  # when each is named
         self._muted, self._filling = bool(first), False
         self._last_out = time
         self._stamp = self._substitutes_stamp = 0  # the newest that went out
         self._watch = Watch()
-        self._first_heard, self._may_miss = time, time + settings.START_S
+        self._first_heard, self._may_miss = time, time + CHANGEOVER_S
         self._wanted = math.inf  # when it wanted to wake
         self._handlers: Table[List[Command]] = table(
             Event,
             {
                 SubstitutionsChanged: self._substitutions_changed,
                 Arrived: self._arrived,
-                events.Overheard: self._overheard,
                 events.Disconnected: self._disconnected,
                 events.Tick: self._tick,
             },
@@ -92,7 +91,7 @@ class Gate:
 
     def service_of(self, publisher: str) -> Optional[Service]:
         """Return what judges a publisher: a substitute by its values alone; None: a stranger."""
-        if publisher in self._judges:
+        if publisher in self._substitutes:
             return self._values_alone
         return self._original.judged if publisher == self._service.node else None
 
@@ -125,10 +124,8 @@ class Gate:
             self._rows.pop(key, None)
         mine = (row for row in event.rows if row.service == self._service.name and row.node)
         self._rows.update((row_key(row), row) for row in mine)
-        nodes: Set[str] = {row.node for row in self._rows.values()}
-        judges = self._judges
-        self._judges = {n: judges.get(n) or Evidence(self._values_alone) for n in nodes}
-        if self._newest is not None and self._newest.message.publisher not in nodes:
+        self._substitutes = {row.node for row in self._rows.values()}
+        if self._newest is not None and self._newest.message.publisher not in self._substitutes:
             self._newest = None
         return []
 
@@ -141,21 +138,11 @@ class Gate:
 
     def _arrived(self, event: Arrived) -> List[Command]:
         publisher = event.message.publisher
+        if event.message.topic != self._service.topic:
+            return self._overheard(event.message)
         if publisher == self._service.node:
             return self._of_original(event)
-        if publisher in self._judges:
-            return self._of_substitute(event)
-        return self._of_stranger(publisher, event.time)
-
-    def _of_stranger(self, publisher: str, time: float) -> List[Command]:
-        """Let nobody hear it; tell people once."""
-        if publisher not in self._strangers and len(self._strangers) < settings.MOST_NAMED:
-            self._strangers[publisher] = time + settings.START_S
-        if time < self._strangers.get(publisher, math.inf):
-            return []
-        self._strangers[publisher] = math.inf
-        who = "is neither its node nor a substitute of it, and is not heard"
-        return [Log(Level.WARN, f"{publisher} publishes on {self._service.topic}: it {who}")]
+        return self._of_substitute(event) if publisher in self._substitutes else []
 
     def _of_original(self, event: Arrived) -> List[Command]:
         original, before = self._original, self._original.failure
@@ -171,13 +158,14 @@ class Gate:
             self._filling = True
             return said + self._fill(event.time)
         # Consumers may have heard a substitute's message of that time, or a later one.
-        ahead = self._substitutes_stamp - event.stamp
-        replaced = event.stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
+        stamp = event.message.stamp
+        ahead = self._substitutes_stamp - stamp
+        replaced = stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
         if self._muted or replaced or not original.is_in_turn(event.time):
             return said
         self._filling = False
-        original.heard, original.stamp = event.time, event.stamp
-        return said + self._pass(event, event.time, event.stamp)
+        original.heard, original.stamp = event.time, stamp
+        return said + self._pass(event, event.time, stamp)
 
     def _is_doubted(self, event: Arrived) -> bool:
         """Tell if the newest value of a substitute contradicts a message of the node."""
@@ -186,7 +174,7 @@ class Gate:
             return False
         publisher = newest.message.publisher
         rows = (row for row in self._rows.values() if row.node == publisher)
-        both = (self._original.evidence, event.message), (self._judges[publisher], newest.message)
+        both = (self._original.evidence, event.message), (self._derived, newest.message)
         said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
         return self._doubt.holds(said, derived, rows, event.time)
 
@@ -201,7 +189,7 @@ class Gate:
     def _of_substitute(self, event: Arrived) -> List[Command]:
         """Keep a good value; pass it on while nobody better speaks."""
         message, speaker = event.message, self._stands_in
-        bad = any(self._judges[message.publisher].findings(message, True))
+        bad = any(self._derived.findings(message, True))
         ahead = message.age is not None and message.age < -(self._service.period or 1.0)
         if bad or ahead or speaker not in ("", message.publisher):
             return []
@@ -209,7 +197,7 @@ class Gate:
         speaks = speaker or self._filling or self._original.failure is not None
         return self._fill(event.time) if speaks else []
 
-    def _overheard(self, event: events.Overheard) -> List[Command]:
+    def _overheard(self, event: Message) -> List[Command]:
         """Be still: the gate that this one stands by for speaks."""
         if event.publisher != self._first:
             return []
@@ -259,7 +247,7 @@ class Gate:
 
         Else a node whose stamps are older than its substitute's could never return.
         """
-        original, period, wanted = self._original, self._service.period, newest.stamp
+        original, period, wanted = self._original, self._service.period, newest.message.stamp
         if not wanted:
             return 0
         if original.stamp and period is not None:
@@ -269,7 +257,7 @@ class Gate:
 
     def _pass(self, arrived: Arrived, time: float, stamp: int) -> List[Command]:
         self._last_out, self._stamp = time, stamp or self._stamp
-        written = None if stamp == arrived.stamp else stamp
+        written = None if stamp == arrived.message.stamp else stamp
         return [Pass(arrived.data, arrived.message.publisher, written)]
 
 

@@ -10,13 +10,8 @@ APART = 0.5
 """Of the period: two voices are no closer."""
 BURST = 5.0
 """Messages of a publisher that is too fast, which pass at once."""
-START_S = 2.0
-"""Until a second gate is connected to the first and misses it, and until a node that publishes
-without a row in the table of substitutions is a stranger."""
 JUDGED_LOOKS = 30
 """Of the monitor, after which its witnesses have spoken: it needs two rounds of ten, and healing
 has to hear of that."""
-MOST_NAMED = 20
-"""So many strangers are named."""
 CLOCK_SET_NS = 10**9
 """A stamp that goes back by more is of a clock that was set."""

@@ -1,6 +1,6 @@
 """Samples that the checks of a service judge: values, rates, stamps, forms, and what others say."""
 from dataclasses import dataclass
-from typing import Dict, NamedTuple, Optional, Tuple, Union
+from typing import NamedTuple, Optional, Tuple, Union
 
 
 class Hold(NamedTuple):
@@ -58,7 +58,6 @@ class StampSample:
 Part = Union[str, int]
 Parts = Tuple[Tuple[str, Part], ...]
 """The frames of a message, and the lengths of its arrays, each by its name."""
-Usual = Dict[str, Part]
 
 
 @dataclass(frozen=True)

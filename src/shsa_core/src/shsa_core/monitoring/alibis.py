@@ -10,7 +10,7 @@ from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from shsa_core.model.substitution import CHANGEOVER_S
-from shsa_core.monitoring.settings import CONNECT_S, TOGETHER_NODES
+from shsa_core.monitoring.settings import TOGETHER_NODES
 
 
 class Blame(Enum):
@@ -32,12 +32,11 @@ class Case:
 
     `limit`: until when alibis count. `due`: when it is late by the watch, which stands
     while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
-    `connected`, `came_up`, `short`: when healing connected to it, when a substitute came up, and
-    when it or the computer was short of processor time, last. `paced`: the rate by the SOM is its
+    `busy`: when healing connected to it, or a substitute came up, last; `short`: when it or the
+    computer was short of processor time. `paced`: the rate by the SOM is its
     own. `together`: how many nodes are late, or out of range, with it, itself included.
-    `confirmed`: what others tell is as far out of range. `fed_wrong`: what it is computed from is
-    wrong; `fed_slowly`: that comes too seldom; `fed_anew`: a substitute publishes it. `robot_came`:
-    some node of the robot was there. `formerly`: it did well under a former monitor.
+    `confirmed`: what others tell is as far out of range. `fed_badly`: what it is computed from is
+    at fault as well. `robot_came`: some node of the robot was there, or was under a former monitor.
     """
 
     blame: Blame
@@ -46,17 +45,13 @@ class Case:
     limit: float = inf
     due: float = -inf
     reconnects_until: float = -inf
-    connected: float = -inf
-    came_up: float = -inf
+    busy: float = -inf
     short: float = -inf
     paced: bool = True
     together: int = 1
     confirmed: bool = False
-    fed_wrong: bool = False
-    fed_slowly: bool = False
-    fed_anew: bool = False
+    fed_badly: bool = False
     robot_came: bool = True
-    formerly: bool = False
 
 
 class Alibi(NamedTuple):
@@ -79,7 +74,7 @@ class Row(NamedTuple):
     until: Callable[[Case], float] = lambda case: case.limit
 
 
-_SILENCE, _RANGE, _START = (Blame.SILENCE,), (Blame.RANGE,), (Blame.START,)
+_SILENCE, _RANGE = (Blame.SILENCE,), (Blame.RANGE,)
 _LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP, Blame.STAMP)
 
 ROWS = (
@@ -96,14 +91,9 @@ ROWS = (
         lambda case: case.reconnects_until,
     ),
     Row(
-        "healing connected to it, and it has its threads to share",
+        "healing connected to it, or a substitute came up, which takes its time",
         _LATE,
-        lambda case: case.connected + CONNECT_S >= case.began,
-    ),
-    Row(
-        "a substitute came up, which takes time from others",
-        _LATE,
-        lambda case: case.came_up + CHANGEOVER_S >= case.began,
+        lambda case: case.busy + CHANGEOVER_S >= case.began,
     ),
     Row(
         "it waits for a processor, or the computer is short of processor time",
@@ -131,24 +121,14 @@ ROWS = (
         lambda case: case.together > 1,
     ),
     Row(
-        "what it is computed from is wrong",
-        (Blame.VALUE, Blame.RANGE, Blame.STAMP),
-        lambda case: case.fed_wrong,
-    ),
-    Row(
-        "what it is computed from comes too seldom",
-        (Blame.RATE,),
-        lambda case: case.fed_slowly,
-    ),
-    Row(
-        "a substitute publishes what it is computed from",
-        (Blame.VALUE,),
-        lambda case: case.fed_anew,
+        "what it is computed from is wrong, comes too seldom, or is a substitute's",
+        (*_LATE, Blame.RANGE, Blame.VALUE),
+        lambda case: case.fed_badly,
     ),
     Row(
         "nothing of the robot is there yet",
-        _START,
-        lambda case: not (case.robot_came or case.formerly),
+        (Blame.START,),
+        lambda case: not case.robot_came,
     ),
 )
 NOBODY_CAME = ROWS[-1].why

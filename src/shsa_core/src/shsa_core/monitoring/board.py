@@ -96,10 +96,6 @@ class Board:
         node = self.find(service.topic, service.node)
         return node is not None and node.is_healthy and node.last_good is not None
 
-    def table(self) -> Tuple[PublisherHealth, ...]:
-        """Return the row of every publisher."""
-        return tuple(publisher.row() for publisher in self.all())
-
     def say(self, commands: Iterable[Command]) -> None:
         """Say something beside the rows that have changed."""
         self._said += commands
@@ -144,6 +140,10 @@ class Board:
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
 
+    def is_muted(self, publisher: Publisher) -> bool:
+        """Tell if it is a substitute that stands by: it publishes nothing, and need not."""
+        return publisher.state is UNKNOWN and self.may_be_silent(publisher)
+
     # Changes
 
     def look_when_due(self, publisher: Publisher) -> None:
@@ -156,24 +156,15 @@ class Board:
         Once the original has failed none fills in: it may know sooner that it took over.
         """
         row, topic = self.substitution(publisher), publisher.topic
-        if row is None or not stands_by(row, topic.name):
+        if row is None or row.publishing or topic.name not in row.topics:
             return True
         watched = topic.services.get(row.service)
         original = topic.publishers.get(watched.service.node) if watched else None
         bridges = row.bridge > 0.0 and (original is None or original.state is not FAILED)
         if bridges and watched is not None:
-            self._count_bridge(publisher, watched, row.bridge)
+            watched.bridged += self.now - publisher.filled_in > BRIDGES_APART * row.bridge
+            publisher.filled_in = max(self.now, publisher.filled_in)
         return not (bridges or row.gated)
-
-    def _count_bridge(self, publisher: Publisher, watched: WatchedService, bridge: float) -> None:
-        """Count how often somebody fills in, and tell people of the first time."""
-        before, publisher.filled_in = publisher.filled_in, max(self.now, publisher.filled_in)
-        if self.now - before <= BRIDGES_APART * bridge:
-            return
-        watched.bridged += 1
-        if watched.bridged == 1:
-            what = f"{publisher.name} has filled in for a late message"
-            self.warn(f"{publisher.topic.name}: {what}. This is no failure")
 
     def meet(self, topic: WatchedTopic, name: str, uri: str = "") -> Publisher:
         """Put a new publisher in place of an old one of that name."""
@@ -189,7 +180,8 @@ class Board:
         watched = publisher.watched
         if not publisher.connected or self.may_be_silent(publisher):
             return
-        watched.appeared = True
+        if watched.service.event_driven:
+            watched.come()
         if publisher.last_heard is None:
             named = publisher.name == watched.service.node
             if watched.service.event_driven and named and publisher.state is UNKNOWN:
@@ -197,22 +189,16 @@ class Board:
             elif not watched.service.event_driven and publisher.state is HEALTHY:
                 self.mute(publisher)
 
-    def expect(self, topic: WatchedTopic) -> Publisher:
-        """Return the publisher without a name: somebody should be there."""
-        if NOBODY not in topic.publishers:
-            topic.publishers[NOBODY] = Publisher(
-                topic, NOBODY, self.now, topic.unknown, connected=False
-            )
-        self.touch(topic.publishers[NOBODY])
-        return topic.publishers[NOBODY]
-
-    def miss(self, topic: WatchedTopic, name: str) -> Publisher:
-        """Put a publisher that should be there, and is not connected."""
-        if NOBODY in topic.publishers:
-            self.drop(topic.publishers[NOBODY])
-        missed = self.meet(topic, name)
-        missed.connected = False
-        return missed
+    def expect(self, topic: WatchedTopic, name: str = NOBODY) -> Publisher:
+        """Return the publisher that should be there, and is not connected."""
+        nobody = topic.publishers.get(NOBODY)
+        if nobody is not None and name:
+            self.drop(nobody)
+        if nobody is None or name:
+            watched = self.watched_of(topic, name) if name else topic.unknown
+            topic.publishers[name] = Publisher(topic, name, self.now, watched, connected=False)
+        self.touch(topic.publishers[name])
+        return topic.publishers[name]
 
     def fail(self, publisher: Publisher, kind: Kind, detail: str) -> None:
         """Fail a publisher."""
@@ -291,13 +277,3 @@ def _never_good(publisher: Publisher, kind: Kind) -> bool:
 def publishes(row: Optional[Substitution], topic: str) -> bool:
     """Tell if a substitute is to publish on `topic`."""
     return row is not None and row.publishing and topic in row.topics
-
-
-def stands_by(row: Optional[Substitution], topic: str) -> bool:
-    """Tell if a substitute for `topic` is muted."""
-    return row is not None and not row.publishing and topic in row.topics
-
-
-def topics_of(rows: Iterable[Optional[Substitution]]) -> List[str]:
-    """Return the topics of some rows, each once."""
-    return list(dict.fromkeys(topic for row in rows if row for topic in row.topics))

@@ -17,8 +17,6 @@ from shsa_core.derivations.settings import REFRESH_S
 from shsa_core.monitoring import settings
 from shsa_core.watch import INSTANT_S
 
-HOUR_S = 3600.0
-
 
 class LearnedDeadline:
     """The silence in s that a stream of a `period` in s is allowed, for `false_alarms` an hour.
@@ -37,12 +35,13 @@ class LearnedDeadline:
         before: Optional["LearnedDeadline"] = None,
     ) -> None:
         self.period, self.false_alarms, self._fixed, self._most = period, false_alarms, fixed, most
-        self.needed = max(
-            settings.LEARN_GAPS, ceil(settings.LEARN_SHARE * HOUR_S / (false_alarms * period))
-        )
+        self._rate = false_alarms / 3600.0  # 1/s
+        share = ceil(settings.LEARN_SHARE / (self._rate * period))
+        self.needed = max(settings.LEARN_GAPS, share)
         self._every = max(1, round(REFRESH_S / period))
-        same = before is not None and before.period == period
-        self._blocks: Deque[_Block] = before._blocks if before and same else deque([_Block()])
+        self._blocks: Deque[_Block] = deque([_Block()], settings.BLOCKS)
+        if before is not None and before.period == period:
+            self._blocks = before._blocks
         self.allowed = fixed
         self._look()
 
@@ -63,8 +62,9 @@ class LearnedDeadline:
     def add(self, gap: float) -> bool:
         """Add a gap of the healthy stream, in s; tell if another silence is allowed now."""
         self._blocks[-1].add(gap)
-        self._to_look -= 1
-        return (self._to_look <= 0 or gap * settings.SPARE > self.allowed) and self._look()
+        count = self.gaps
+        due = count % self._every == 0 or count == self.needed
+        return (due or gap * settings.SPARE > self.allowed) and self._look()
 
     def told(self) -> str:
         """Return in words on what it stands."""
@@ -73,14 +73,11 @@ class LearnedDeadline:
         return f"learned from {self.gaps} gaps, {self.false_alarms:g} false alarms an hour"
 
     def _look(self) -> bool:
-        before, missing, newest = self.allowed, self.needed - self.gaps, self._blocks[-1]
-        self._to_look = min(self._every, missing) if missing > 0 else self._every
+        before, newest = self.allowed, self._blocks[-1]
         enough = self.needed / (settings.BLOCKS - 1)
         if newest.seconds >= settings.BLOCK_S and newest.count >= enough:
             self._blocks.append(_Block())
-            if len(self._blocks) > settings.BLOCKS:
-                self._blocks.popleft()
-        wanted = self._wanted() if missing <= 0 else 0.0
+        wanted = self._wanted() if self.is_learned else 0.0
         self.allowed = min(max(wanted, self._fixed), self._most)
         return self.allowed != before
 
@@ -88,8 +85,8 @@ class LearnedDeadline:
         beyond = max(block.threshold for block in self._blocks)
         tail = sorted(gap for block in self._blocks for gap in block.longest if gap >= beyond)
         tail = tail[-(self.gaps // settings.TAIL) :]
-        hours = max(INSTANT_S, sum(block.seconds for block in self._blocks)) / HOUR_S
-        times = max(1.0, len(tail) / (hours * self.false_alarms))
+        seconds = max(INSTANT_S, sum(block.seconds for block in self._blocks))
+        times = max(1.0, len(tail) / (seconds * self._rate))
         excess = sum(tail) / len(tail) - tail[0]
         return max(tail[0] + excess * log(times), settings.SPARE * tail[-1])
 

@@ -31,17 +31,14 @@ class PublisherEvent(Event):
 
 @dataclass(frozen=True)
 class SomChanged(Event):
-    """The services to watch are those of `som` now; topics that are `unheard` are not subscribed
-    yet.
-    """
+    """The services to watch are those of `som` now."""
 
     som: Som
-    unheard: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Subscribed(Event):
-    """A topic that was unheard is subscribed: who publishes it can be heard from now on."""
+    """A topic is subscribed: who publishes it can be heard from now on."""
 
     topic: str
 

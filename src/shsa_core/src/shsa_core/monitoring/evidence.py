@@ -9,12 +9,11 @@ from shsa_core.language.expression import Expression
 from shsa_core.language.temporal import Truth
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Finding, Formula, OutOfRange, judge
 from shsa_core.model.kinds import Kind
-from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample
-from shsa_core.model.samples import Usual, ValueSample
+from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample, ValueSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.habits import Form, StampAges, Stillness
-from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS
+from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS, SLOW_PACE
 
 
 Learned = Dict[Tuple[str, str], Stillness]
@@ -71,11 +70,10 @@ class _Value:
         still = time - self._began
         sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
         finding = judge(self._checks, sample)
-        self.outside = None
-        if finding is not None:
-            self._teaches = False
-            self.outside = sample if finding.kind is Kind.OUT_OF_RANGE else None
-        else:
+        outside = finding is not None and finding.kind is Kind.OUT_OF_RANGE
+        self.outside = sample if outside else None
+        self._teaches = self._teaches and finding is None
+        if finding is None:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
 
@@ -133,22 +131,15 @@ class _Rate:
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
     @property
-    def pace(self) -> Optional[float]:
-        """The rate as a share of the service's; None: not known yet."""
-        if not self.is_known or self.span <= 0.0:
-            return None
-        return (len(self.times) - 1) * self._period / self.span
+    def is_slow(self) -> bool:
+        """True if the rate is too low, or nearly so."""
+        return self.is_known and (len(self.times) - 1) * self._period < SLOW_PACE * self.span
 
     def samples(self, message: Message) -> Iterator[RateSample]:
         """Yield the mean rate, in doubt for the publisher: it came in the last `waited` s."""
         self.times.append((message.time - message.waited, message.time, message.apart or 0.0))
         if self.is_known:
             yield replace(self.sample(self._period), fastest=self._fastest)
-
-    def beyond_doubt(self, rate: RateSample) -> RateSample:
-        """Return a rate in doubt against the publisher: what waited for us came at no rate."""
-        apart = self.times[-1][2] - self.times[0][2]
-        return replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
 
     def sample(self, period: float) -> RateSample:
         """Return the rate, to be judged by a period."""
@@ -228,13 +219,10 @@ class Evidence:
     """The evidence against one publisher, who provides `service`.
 
     `properties`: those whose values are judged. `learned`: what is known of its values from before;
-    None: nothing is learned, as of a substitute, whose program may change. `form`: of the messages
-    of the process before it, and then of its own.
+    None: nothing is learned, as of a substitute, whose program may change.
     """
 
-    def __init__(
-        self, service: Service, learned: Optional[Learned] = None, form: Optional[Usual] = None
-    ) -> None:
+    def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
@@ -244,9 +232,8 @@ class Evidence:
         self._values = [_Value(provision, learned) for provision in checked]
         self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
         learns = learned is not None and service.period is not None
-        self._stamps = StampAges(service.period if learns else None)
-        has_form = learns and any(check.sample is FormSample for check in self._checks)
-        self._form = Form(({} if form is None else form) if has_form else None)
+        self.stamps = StampAges(service.period if learns else None)
+        self._form = Form(learns and any(each.sample is FormSample for each in self._checks))
 
     @property
     def outside(self) -> Optional[ValueSample]:
@@ -256,13 +243,13 @@ class Evidence:
     @property
     def unusual(self) -> str:
         """The first of what is not as usual, in words; empty: all is."""
-        return next((each.unusual for each in self._values if each.unusual), self._form.unusual)
+        return next((each.unusual for each in self._values if each.unusual), "")
 
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps and forms on the same connection."""
         self._form = other._form
-        if self._stamps.period == other._stamps.period:
-            self._stamps = other._stamps
+        if self.stamps.period == other.stamps.period:
+            self.stamps = other.stamps
 
     def take_messages(self, other: "Evidence") -> None:
         """Go on with the messages of the same publisher, judged by other numbers so far."""
@@ -284,10 +271,6 @@ class Evidence:
             return None
         return judge(service.checks.each, self.rate.sample(service.period))
 
-    def clock_jumped(self) -> None:
-        """Forget what was learned of stamps."""
-        self._stamps.forget()
-
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Tell if a message is good, and which failure it completes, if any.
 
@@ -297,7 +280,7 @@ class Evidence:
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
         good = finding is None and not failed
-        self._stamps.heard(message, good)
+        self.stamps.heard(message, good)
         self._form.heard(message, good)
         guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
@@ -326,12 +309,12 @@ class Evidence:
             yield formula.look(message, values)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
-        for sample in (*self._stamps.samples(message), *self._form.samples(message)):
+        for sample in (*self.stamps.samples(message), *self._form.samples(message)):
             yield judge(self._checks, sample)
         for rate in self.rate.samples(message):
             if not self.rate_was_good:
-                sure = self.rate.beyond_doubt(rate)
-                self.rate_was_good = judge(self._checks, sure) is None
+                nominal = replace(rate, longest=self.rate.span, shortest=self.rate.span)
+                self.rate_was_good = judge(self._checks, nominal) is None
             yield judge(self._checks, rate)
 
 

@@ -1,9 +1,10 @@
 """Remembers how the messages of one publisher usually are, and which of them are of the past."""
 from math import inf
 from statistics import median
-from typing import Iterator, List, Optional
+from typing import Dict, Iterator, List, Optional
 
-from shsa_core.model.samples import FormSample, Hold, StampSample, Usual
+from shsa_core.backlog import BURST_PERIODS
+from shsa_core.model.samples import FormSample, Hold, Part, StampSample
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.events import Message
 
@@ -28,8 +29,7 @@ class StampAges:
         self._allowed = 0.0
         self._last: Optional[int] = None
         self._grew = 0.0  # when a newer stamp came last
-        self._growing: Optional[int] = 0
-        self._stood = False
+        self._growing = 0.0  # so many were newer than the one before, -inf: not always
 
     def samples(self, message: Message) -> Iterator[StampSample]:
         """Yield what is to be judged of a message."""
@@ -37,7 +37,7 @@ class StampAges:
             return
         sample = StampSample(message.age, message.waited)
         if message.apart is None and self._usual is not None:
-            always = self._growing is not None and self._growing >= settings.LEARN_MESSAGES
+            always = self._growing >= settings.LEARN_MESSAGES
             again = always and not self._grows(message.stamp) and self._stands(message.time)
             sample = StampSample(message.age, message.waited, self._usual, self._allowed, again)
         yield sample
@@ -50,10 +50,11 @@ class StampAges:
         self._last = message.stamp
         if self.period is None:
             return
-        if grows or self._stands(message.time):
-            self._learn_growth(grows)
         if grows:
+            self._growing += 1
             self._grew = message.time
+        elif self._growing < settings.LEARN_MESSAGES and self._stands(message.time):
+            self._growing = -inf
         if good:
             self._learn(message.age)
 
@@ -61,20 +62,7 @@ class StampAges:
         return self._last is None or stamp > self._last
 
     def _stands(self, time: float) -> bool:
-        return time - self._grew > settings.BURST_PERIODS * (self.period or 0.0)
-
-    def _learn_growth(self, grows: bool) -> None:
-        """Stamps that now and then do not grow need not; those of a fault do so again and again."""
-        if self._growing is None:
-            return
-        if grows:
-            self._growing += 1
-            if self._stood and self._growing >= settings.LEARN_MESSAGES + settings.STANDS_MESSAGES:
-                self._growing = None
-        elif self._growing < settings.LEARN_MESSAGES:
-            self._growing = None
-        else:
-            self._stood, self._growing = True, settings.LEARN_MESSAGES
+        return time - self._grew > BURST_PERIODS * (self.period or 0.0)
 
     def _learn(self, age: float) -> None:
         if self._usual is not None and age < self._usual - settings.AGE_LEAST_S / 2:
@@ -97,32 +85,26 @@ class StampAges:
 class Form:
     """The frames that one publisher names, and the lengths of its arrays: what is always the same.
 
-    `usual`: of its predecessor's, and then its own; None: nothing is learned.
+    `learns`: from its first good messages.
     """
 
-    def __init__(self, usual: Optional[Usual]) -> None:
-        self._count, self._same, self._usual = 0, dict(usual or {}), usual
-        self.unusual = ""
+    def __init__(self, learns: bool) -> None:
+        self._left = settings.AGES if learns else 0  # messages until it is known
+        self._same: Optional[Dict[str, Part]] = None
 
     def samples(self, message: Message) -> Iterator[FormSample]:
         """Yield what a message has otherwise than all of the first good ones."""
-        if self._count >= settings.AGES:
+        if self._same is not None and self._left <= 0:
             for name, part in message.form:
                 if self._same.get(name, part) != part:
                     yield FormSample(name, part, self._same[name])
 
     def heard(self, message: Message, good: bool) -> None:
         """Learn from a message that has been judged, if it was `good`."""
-        if self._usual is None or not good or self._count >= settings.AGES:
-            return
-        known, self._count = self._same if self._count else dict(message.form), self._count + 1
-        self._same = {name: part for name, part in message.form if known.get(name) == part}
-        if self._count == settings.AGES:
-            for name, part in self._same.items():
-                if self._usual.get(name, part) != part:
-                    before = f"{self._usual[name]!r} before its node was started again"
-                    self.unusual = f"{name} is {part!r}, and was {before}"
-            self._usual.update(self._same)
+        if good and self._left > 0:
+            known = dict(message.form) if self._same is None else self._same
+            self._same = {name: part for name, part in message.form if known.get(name) == part}
+            self._left -= 1
 
 
 class Stillness:
@@ -174,48 +156,3 @@ class Stillness:
             settings.STILL_LEAST_S * factor,
             self._longest,
         )
-
-
-class Backlog:
-    """Tells the messages of one publisher that it sent while it could not be heard.
-
-    So it is where a link to another computer was down. They come all at once: they are as old as
-    the silence was, and come faster than it ever publishes.
-    """
-
-    def __init__(self) -> None:
-        self._age: Optional[float] = None  # of its messages as they come, in s
-        self._catches_up = False
-        self._until = -inf
-
-    def holds(
-        self, message: Message, previous: Optional[float], allowed: float, period: Optional[float]
-    ) -> bool:
-        """Tell if a message tells of the past; `previous`: when the one before it came.
-
-        After a silence of more than `allowed` s a message counts once its stamp is about as old as
-        usual, and it comes half a period after another one. Where no stamp tells, the first of
-        them might be old. What comes old for longer than the silence was is no backlog: a clock
-        was set.
-        """
-        if previous is None or period is None:
-            return self._count(message)
-        passed = message.time - previous
-        began = passed - message.waited > allowed
-        self._catches_up = self._catches_up or began
-        if began:
-            self._until = message.time + passed
-        if not self._catches_up:
-            return self._count(message)
-        late = began
-        if message.age is not None and self._age is not None:
-            late = message.age - self._age > allowed and message.time < self._until
-        if late or passed < settings.BURST_PERIODS * period:
-            return True
-        return self._count(message)
-
-    def _count(self, message: Message) -> bool:
-        self._catches_up = False
-        if message.age is not None:
-            self._age = message.age
-        return False

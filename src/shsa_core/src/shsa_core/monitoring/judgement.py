@@ -1,13 +1,13 @@
 """Judges a publisher by its messages, and by its silence."""
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Optional
 
 from shsa_core.codegen.prediction import predictor
 from shsa_core.derivations.agreement import Witnesses
 from shsa_core.derivations.calibrations import Calibrations
 from shsa_core.derivations.evaluation import Derivations
-from shsa_core.model.checks import Finding, judge
+from shsa_core.model.checks import BY_VALUE, Finding, judge
 from shsa_core.model.kinds import Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import IntruderSample, ValueSample
@@ -95,7 +95,9 @@ class Judgement:
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(publisher, failure.kind, failure.detail)
         self._learn(publisher, event, good)
-        if publisher.kind is None and (alibi or good and publisher.is_notable):
+        evidence = publisher.evidence
+        notable = publisher.detail or publisher.suspicions or evidence.unusual
+        if publisher.kind is None and (alibi or good and notable):
             self._note(publisher, alibi)
         return good
 
@@ -159,21 +161,22 @@ class Judgement:
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)
-        return decide(self._fed(publisher, case))
+        return decide(replace(case, fed_badly=self._is_fed_badly(publisher, case.blame)))
 
-    def _fed(self, publisher: Publisher, case: Case) -> Case:
-        """Return a case with what the publisher, unless it is a substitute, computes from."""
+    def _is_fed_badly(self, publisher: Publisher, blame: Blame) -> bool:
+        """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""
         if publisher.name not in publisher.topic.nodes:
-            return case
+            return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}
         upstream = [each for topic in read for each in topics[topic].publishers.values()]
-        return replace(
-            case,
-            fed_wrong=any(each.tells_wrong for each in upstream),
-            fed_slowly=any(each.is_slow for each in upstream),
-            fed_anew=any(each.is_healthy and self._board.is_substitute(each) for each in upstream),
-        )
+        if blame is Blame.RATE:
+            return any(each.is_slow for each in upstream)
+        replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)
+        if blame is Blame.VALUE and any(replaced):
+            return True
+        bad = (each.evidence.verdict.newest_is_bad for each in upstream)
+        return any(bad) or any(each.kind in BY_VALUE for each in upstream)
 
     def _intrusion(self, publisher: Publisher) -> Optional[Finding]:
         """Return what is held against a publisher that nobody names beside a healthy one."""
@@ -183,10 +186,6 @@ class Judgement:
         if publisher.kind is Kind.UNKNOWN_PUBLISHER:
             return Finding(publisher.kind, publisher.detail)
         rightful = tuple(p.name for p in topic.healthy() if board.is_named(p))
-        if not rightful:
-            publisher.intruding_since = None
-            return None
-        if publisher.intruding_since is None:
-            publisher.intruding_since = board.now
+        publisher.intruding_since = min(publisher.intruding_since, board.now) if rightful else inf
         sample = IntruderSample(board.now - publisher.intruding_since, rightful)
         return judge(topic.intruder_checks, sample)

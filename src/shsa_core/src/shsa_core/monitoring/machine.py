@@ -10,8 +10,8 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
-from shsa_core.monitoring.board import FAILED, HEALTHY, UNKNOWN, Board
-from shsa_core.monitoring.board import publishes, topics_of
+from shsa_core.monitoring.board import FAILED, HEALTHY, Board
+from shsa_core.monitoring.board import publishes
 from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview
@@ -72,20 +72,15 @@ class Monitor:
 
     def table(self) -> Tuple[PublisherHealth, ...]:
         """Return the health of every publisher, as of the last event."""
-        return self._pace.rows(self._board.table())
+        return self._pace.rows(tuple(each.row() for each in self._board.all()))
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
-        return overview(self._som, self._board, self.muted())
+        return overview(self._som, self._board)
 
     def messages(self) -> Dict[Key, int]:
         """Return the number of messages of each publisher so far."""
         return {publisher.key: publisher.messages for publisher in self._board.all()}
-
-    def muted(self) -> Set[Key]:
-        """Return the substitutes that stand by: they publish nothing and need not."""
-        board = self._board
-        return {p.key for p in board.all() if p.state is UNKNOWN and board.may_be_silent(p)}
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service that a publisher of `topic` provides, for whose checks it is read.
@@ -111,9 +106,6 @@ class Monitor:
         for name in self._som.topics():
             if self._som.of_topic(name) != before.of_topic(name):
                 self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
-        for name in event.unheard:
-            if name in self._board.topics:
-                self._board.topics[name].subscribed = False
 
     def _subscribed(self, event: events.Subscribed) -> None:
         topic = self._board.topics.get(event.topic)
@@ -142,7 +134,8 @@ class Monitor:
     def _substitutions_changed(self, event: events.SubstitutionsChanged) -> None:
         board = self._board
         for node, before, now in board.substitutes.change(event):
-            for name in topics_of((before, now)):
+            rows = [row for row in (before, now) if row is not None]
+            for name in dict.fromkeys(topic for row in rows for topic in row.topics):
                 publisher = board.find(name, node)
                 if publisher is None:
                     continue
@@ -191,7 +184,8 @@ class Monitor:
         topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
         publisher.connected = publisher.retired = False
         detail = "its connection was lost: the node died or left"
-        was_well = publisher.state is HEALTHY or watched.knew(publisher.name)
+        formerly = not watched.came and publisher.name == watched.formerly[0]
+        was_well = publisher.state is HEALTHY or formerly
         if publisher.state is FAILED:
             publisher.kind, publisher.detail = Kind.NODE_GONE, detail
             board.touch(publisher)
@@ -204,7 +198,7 @@ class Monitor:
             board.expect(topic)
             self._start_up.left(topic)
         if publisher.name in self._ending_nodes:
-            watched.overdue = True  # nobody is awaited: who comes is welcome
+            watched.due = inf  # nobody is awaited: who comes is welcome
 
     def _may_stop(self, publisher: Publisher) -> bool:
         """Tell if nobody is to blame for it that a publisher stops."""
@@ -221,13 +215,15 @@ class Monitor:
             return
         previous = publisher.last_heard
         excused = publisher.excused_until > -inf
-        teaches = publisher.is_healthy and not (excused or publisher.interrupted)
+        interrupted = publisher.reconnects_until > -inf
+        teaches = publisher.is_healthy and not (excused or interrupted)
         publisher.note_message(event.time)
         if previous is None or excused:
             self._board.look_when_due(publisher)
-        publisher.watched.published = True
-        period = publisher.service.period
-        if publisher.backlog.holds(event, previous, publisher.allowed, period):
+        publisher.watched.come()
+        period = publisher.service.period or 0.0
+        allowed = publisher.allowed if period else inf
+        if publisher.backlog.holds(event.time, event.age, allowed, event.waited, period):
             return
         good = self._judgement.message(publisher, event, previous)
         if good and teaches and previous is not None:
@@ -237,7 +233,7 @@ class Monitor:
         """Learn stamps anew if our own clock was set."""
         self._around.clock(event.waited)
         for publisher in self._board.all() if self._pace.jumped else ():
-            publisher.evidence.clock_jumped()
+            publisher.evidence.stamps.forget()
 
     def _ending(self, event: events.Ending) -> None:
         self._ending_nodes.update(event.nodes)

@@ -1,8 +1,8 @@
 """Sums up for people how each service is doing, by all who publish for it."""
 from dataclasses import dataclass
-from typing import Collection, List, Tuple
+from typing import List, Tuple
 
-from shsa_core.model.health import Key, PublisherHealth
+from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -41,19 +41,19 @@ class ServiceHealth:
     bridged: int = 0
 
 
-def overview(som: Som, board: Board, muted: Collection[Key]) -> Tuple[ServiceHealth, ...]:
-    """Return every service of a SOM; the publishers that stand by, `muted`, are left out."""
+def overview(som: Som, board: Board) -> Tuple[ServiceHealth, ...]:
+    """Return every service of a SOM; the substitutes that stand by are left out."""
     suspicions = (s for p in board.all() if p.is_healthy for s in p.suspicions.values())
     doubts = {name: text for each in suspicions for name, text in each.doubts.items()}
-    return tuple(_health(service, board, muted, doubts.get(service.name, "")) for service in som)
+    return tuple(_health(service, board, doubts.get(service.name, "")) for service in som)
 
 
-def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) -> ServiceHealth:
+def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
     topic = board.topics[service.topic]
     concerned = [
         publisher
         for publisher in topic.publishers.values()
-        if publisher.key not in muted and _concerns(publisher, service)
+        if _concerns(publisher, service) and not board.is_muted(publisher)
     ]
     own = (p.detail for p in concerned if p.name == service.node and p.was_logged)
     condition, detail = _condition(board, concerned)
@@ -62,7 +62,9 @@ def _health(service: Service, board: Board, muted: Collection[Key], doubt: str) 
         condition, detail = Condition.DOUBTFUL, doubt
     rows = tuple(each.row() for each in concerned if each.name != NOBODY)
     watched = topic.services[service.name]
-    return ServiceHealth(service, condition, detail, rows, watched.told, watched.bridged)
+    gaps = watched.gaps
+    deadline = "" if gaps is None else f"{gaps.allowed:.3f} s, {gaps.told()}"
+    return ServiceHealth(service, condition, detail, rows, deadline, watched.bridged)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

@@ -11,7 +11,7 @@ from typing import List, Optional, Tuple
 
 from shsa_core.model.health import PublisherHealth
 from shsa_core.monitoring.events import ClockTicked, Command, Event, HealthChanged, Message
-from shsa_core.monitoring.settings import CLOCK_JUMP_S
+from shsa_core.monitoring.settings import AGE_LEAST_S
 
 
 class Pace:
@@ -38,7 +38,7 @@ class Pace:
         self._slow += min(ours, max(0.0, theirs))
         self._ahead = max(0.0, theirs - ours)
         self._fast += ours + self._ahead
-        self.jumped = not tick.simulated and abs(theirs - ours) > CLOCK_JUMP_S
+        self.jumped = not tick.simulated and abs(theirs - ours) > AGE_LEAST_S / 2.0
 
     def judged(self, event: Event) -> Event:
         """Return an event at the time by which it is judged."""

@@ -4,16 +4,15 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Dict, List, Optional, Sequence, Set, Tuple
 
+from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
-from shsa_core.model.checks import BY_VALUE, Check, Checks
+from shsa_core.model.checks import Check, Checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
-from shsa_core.model.samples import IntruderSample, Usual
+from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.evidence import Evidence, Learned
-from shsa_core.monitoring.habits import Backlog
-from shsa_core.monitoring.settings import SLOW_PACE
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -25,36 +24,25 @@ NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 class WatchedService:
     """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
 
-    `due`: when a message is missed, if none came before. `formerly`: who did well under a former
-    monitor, and when that was told.
-
-    `appeared`: somebody connected for it; `published`: a message came; `overdue`: it was told that
-    none did. `learned`: what is known of its node's values; `form`: of that of its
-    messages; `gaps`: of the gaps between them, None: its deadline is a fixed one. `bridged`: how
-    often a muted substitute filled in for it so far.
+    `came`: a message, or somebody connected if it is event-driven; `due`: when that is missed, inf:
+    it came, or it was told that it did not. `formerly`: who did well under a former monitor, and
+    when that was told. `learned`: what is known of its node's values; `gaps`: of the gaps between
+    its messages, None: its deadline is a fixed one. `bridged`: how often a muted substitute filled
+    in for it so far.
     """
 
     service: Service
     deadline: float
     due: float
     formerly: Tuple[str, float] = ("", 0.0)
-    appeared: bool = False
-    published: bool = False
-    overdue: bool = False
+    came: bool = False
     learned: Learned = field(default_factory=dict)
-    form: Usual = field(default_factory=dict)
     gaps: Optional[LearnedDeadline] = None
     bridged: int = 0
 
-    @property
-    def is_awaited(self) -> bool:
-        """True while nobody has come for it, and that was not told."""
-        service = self.service
-        return not (self.published or self.overdue or (service.event_driven and self.appeared))
-
-    def knew(self, node: str) -> bool:
-        """Return if a node did well under a former monitor, and was not heard by this one."""
-        return node == self.formerly[0] and not self.published
+    def come(self) -> None:
+        """Await nobody any more."""
+        self.came, self.due = True, inf
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
@@ -70,20 +58,15 @@ class WatchedService:
         """The silence in s that its node is allowed; inf: any."""
         return self.deadline if self.gaps is None else self.gaps.allowed
 
-    @property
-    def told(self) -> str:
-        """The silence that its node is allowed, and why, in words; empty: a fixed one."""
-        return "" if self.gaps is None else f"{self.gaps.allowed:.3f} s, {self.gaps.told()}"
-
 
 @dataclass(eq=False)
 class Publisher:
     """One life of one publisher of one topic, and all that is held against it. Times in s.
 
     `silent_since`: since its last message, or since it could be heard again after that.
-    `excused_until`: until then its silence has an alibi. `interrupted`: its connection was lost
-    since its last message, while its node lived; it is given anew by `reconnects_until`. `steady`:
-    a message came within its deadline once.
+    `excused_until`: until then its silence has an alibi. `reconnects_until`: its connection was
+    lost since its last message, while its node lived, and is given anew by then; -inf: it was not.
+    `steady`: a message came within its deadline once.
 
     `suspicions`: what others hold against its values, by property. `logged`: what people were told
     of it. `uri`: where its process is. `retired`: it is a substitute that the table names no more.
@@ -108,10 +91,9 @@ class Publisher:
     messages: int = 0
     silent_since: Optional[float] = None
     excused_until: float = -inf
-    interrupted: bool = False
     reconnects_until: float = -inf
     steady: bool = False
-    intruding_since: Optional[float] = None
+    intruding_since: float = inf
     backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)
     logged: Set[str] = field(default_factory=set)
@@ -153,20 +135,15 @@ class Publisher:
     def is_healthy(self) -> bool:
         return self.state is PublisherState.HEALTHY
 
-    @property
-    def is_notable(self) -> bool:
-        """True if something is told of it, or may be: a doubt, or what is unusual."""
-        return bool(self.detail or self.suspicions or self.evidence.unusual)
-
     def interrupt(self, until: float) -> None:
         """Lose its connection, which is given anew by then; once until its next message."""
-        if self.last_heard is not None and not self.interrupted:
-            self.interrupted, self.reconnects_until = True, until
+        if self.last_heard is not None and self.reconnects_until == -inf:
+            self.reconnects_until = until
 
     def resume(self, time: float) -> None:
         """Be connected again, and silent from then on."""
         if time < self.reconnects_until:
-            self.silent_since, self.reconnects_until = time, -inf
+            self.silent_since = self.reconnects_until = time
             self.excused_until = -inf
 
     def provide(self, watched: WatchedService, anew: bool = True) -> None:
@@ -179,15 +156,9 @@ class Publisher:
                 self.evidence.take_messages(before)
 
     @property
-    def tells_wrong(self) -> bool:
-        """True if it failed by what it says, or its newest message is bad."""
-        return self.evidence.verdict.newest_is_bad or self.kind in BY_VALUE
-
-    @property
     def is_slow(self) -> bool:
         """True if its messages come too seldom, or nearly so."""
-        pace = self.evidence.rate.pace
-        return self.kind is Kind.RATE_LOW or (pace is not None and pace < SLOW_PACE)
+        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_slow
 
     @property
     def was_logged(self) -> bool:
@@ -202,9 +173,8 @@ class Publisher:
         self.suspicions.clear()
 
     def _new_evidence(self) -> Evidence:
-        watched, own = self.watched, self.name == self.service.node
-        learned, form = (watched.learned, watched.form) if own else (None, None)
-        return Evidence(watched.service, learned, form)
+        own = self.name == self.service.node
+        return Evidence(self.service, self.watched.learned if own else None)
 
     def become(
         self, time: float, state: PublisherState, kind: Optional[Kind] = None, detail: str = ""
@@ -218,6 +188,7 @@ class Publisher:
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
         self.first_message = self.last_heard = self.silent_since = None
+        self.backlog = Backlog()
 
     def note_message(self, time: float) -> None:
         """Count a message."""
@@ -225,7 +196,7 @@ class Publisher:
         if self.last_heard is not None and time - self.last_heard <= self.allowed:
             self.steady = True
         self.last_heard = self.silent_since = time
-        self.interrupted, self.excused_until, self.reconnects_until = False, -inf, -inf
+        self.excused_until = self.reconnects_until = -inf
         if self.first_message is None:
             self.first_message = time
 
@@ -253,7 +224,7 @@ class WatchedTopic:
     """
 
     name: str
-    subscribed: bool = True
+    subscribed: bool = False
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)

@@ -21,21 +21,15 @@ class Settings:
         return Deadlines(minimum=self.minimum_deadline)
 
 
-# Alibis. Times in s.
-CONNECT_S = 0.1
-"""A silence may come of a connection of healing's own that was made in it, or so long before."""
+# Alibis.
 RECONNECT_S = 0.5
 """A node whose connection was lost, and which lives, gives another one within this; and a new
 monitor connects within this to who is there."""
-SUBSCRIBE_S = 0.01
-"""The same for each topic: connections of one are made while others are subscribed."""
 SHORT_SHARE = 0.5
 """Of the time in which something waits for a processor: with less, healthy streams came in time.
 So it is with what the threads of one node wait together: at 0.6 of its rate one waited for 0.9."""
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
-TOGETHER_S = 5.0
-"""So long several nodes that are not heard together count as not connected yet."""
 MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE = 0.8
@@ -49,11 +43,6 @@ RATE_MESSAGES, RATE_SECONDS = 20, 1.0
 COMES_AND_GOES = 3
 """So many times must a fault have gone away before it counts as one that comes and goes. Then it is
 over only after so many times the longest such gap."""
-BURST_PERIODS = 0.5
-"""Messages that come sooner after each other have waited somewhere."""
-CLOCK_JUMP_S = 0.1
-"""Clocks that are set little by little change by far less from one look to the next, and with more
-between two clocks stamps of one tell little on the other."""
 LEARN_MESSAGES = 200
 """So many tell what is usual of a value, and if stamps always grow; and a signal that went through
 0 so often reads 0 as any value."""
@@ -65,9 +54,8 @@ AGE_FOLLOWS = 0.001
 """Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
 AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS = 0.5, 10.0, 3.0
 """A stamp may differ by this, by so many periods or by so many times the largest difference while
-learning, whichever is most."""
-STANDS_MESSAGES = 10
-"""Stamps always grow, unless one does not and so many after it do."""
+learning, whichever is most. A clock that changes by half of the first from one look to the next
+was set, and with more between two clocks stamps of one tell little on the other."""
 
 # Values that stand still.
 STILL_FACTOR, STILL_LEAST_S = 10, 1.0

@@ -26,8 +26,7 @@ class Surroundings:
     def __init__(self, board: Board) -> None:
         self._board = board
         self._watch = Watch()
-        self._connected: Dict[str, float] = {}
-        self._came_up = -inf
+        self._busy: Dict[str, float] = {}  # when healing connected, by node; "": to a substitute
         self._waited: Dict[str, Tuple[float, float]] = {}  # when, and how much in all, by node
         self._short: Dict[str, float] = {}  # when it waited for most of the time
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
@@ -42,10 +41,8 @@ class Surroundings:
 
     def connected(self, topic: WatchedTopic, node: str, substitute: bool) -> None:
         """Note a connection to a node; a `substitute` comes up, and may listen to all."""
-        if substitute:
-            self._came_up = self._board.now
-        elif node in topic.nodes:  # of others there may be any number
-            self._connected[node] = self._board.now
+        if substitute or node in topic.nodes:  # of others there may be any number
+            self._busy["" if substitute else node] = self._board.now
 
     def clock(self, waited: Iterable[Tuple[str, float]]) -> None:
         """Note for how long in all nodes, by the empty name any, have waited for a processor."""
@@ -118,8 +115,7 @@ class Surroundings:
             blame,
             gap.ended,
             gap.began,
-            connected=self._connected.get(gap.node, -inf),
-            came_up=self._came_up,
+            busy=max(self._busy.get(each, -inf) for each in ("", gap.node)),
             short=self.short(gap.node),
             together=self._late_with(gap) if together is None else together,
         )

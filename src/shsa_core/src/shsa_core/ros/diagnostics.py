@@ -19,7 +19,7 @@ from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.service import Service
 from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
-from shsa_core.monitoring.settings import CLOCK_JUMP_S
+from shsa_core.monitoring.settings import AGE_LEAST_S
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
@@ -102,7 +102,7 @@ def computer_row(met: Met) -> DiagnosticStatus:
         "round trip (s)": f"{trip:.6f}",
         "measured (s ago)": f"{time.monotonic() - met.answered / 1e9:.0f}",
     }
-    level = WARN if abs(ahead) - trip / 2 > CLOCK_JUMP_S else OK
+    level = WARN if abs(ahead) - trip / 2 > AGE_LEAST_S / 2 else OK
     text = f"its clock is {abs(ahead):.4f} s {'ahead' if ahead > 0.0 else 'behind'}"
     name = f"computer {met.host} at {met.address}"
     return _row(name, level, f"{text}, known within {trip / 2:.4f} s", values.items(), met.host)

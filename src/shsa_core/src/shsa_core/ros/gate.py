@@ -88,17 +88,15 @@ class GateNode:
 
     def _arrived(self, arrived: Arrived, newest: bool) -> None:
         time, connection, data, _, _ = arrived
-        stamped = stamp(data) if self._kind._has_header else 0
-        if connection.topic == self._service.heard:
-            self._feed(events.Overheard(time, connection.publisher, stamped))
-            return
-        judged = self._core.service_of(connection.publisher)
+        overheard = connection.topic == self._service.heard
+        judged = None if overheard else self._core.service_of(connection.publisher)
         message = self._reader.event(arrived, self._subscriptions.waited(time), judged)
+        message = replace(message, stamp=stamp(data) if self._kind._has_header else 0)
         sent = connection.header
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"
             message = replace(message, error=text)
-        self._feed(events.Arrived(message, data, stamped, newest))
+        self._feed(events.Arrived(message, data, newest))
 
     def _feed(self, event: events.Event) -> None:
         self._fed = event.time

@@ -248,10 +248,9 @@ class MonitorNode:
         som = with_unknowns(_share(self._arguments, som), message_types.layout)
         topics = list(som.topics())
         heard = set(self._subscriptions.topics)
-        unheard = tuple(topic for topic in topics if topic not in heard)
-        self._feed(events.SomChanged(clock.now(), som, unheard))
+        self._feed(events.SomChanged(clock.now(), som))
         self._reader.forget()
-        self._to_watch = deque(unheard)
+        self._to_watch = deque(topic for topic in topics if topic not in heard)
         for topic in heard - set(topics):
             self._subscriptions.unsubscribe(topic)
             rospy.loginfo("%s is no longer watched.", topic)

@@ -87,16 +87,12 @@ class SubstituteNode:
                 ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
-                events.Announce: lambda c: self._call(
-                    f"announcing {c.topic}", lambda: announce.announce(c.topic, c.type)
-                ),
                 events.Remind: lambda c: self._call(
                     f"telling the subscribers of {', '.join(c.topics)} who publishes them",
                     lambda: announce.remind(c.topics, self._outputs.connected),
                 ),
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
-                events.LookAtHealer: self._look_at_healer,
                 events.TakeOver: self._take_over,
                 events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
@@ -116,8 +112,8 @@ class SubstituteNode:
 
     def _follow(self) -> None:
         if not self._row.shared:
-            row, time, ros_time = self._row, self._clock.now(), clock.ros_ns()
-            self._feed(events.RowChanged(time, row, unusable(row), ros_time=ros_time))
+            row, now, ros_time = self._row, self._clock.now(), clock.ros_ns()
+            self._feed(events.RowChanged(now, row, unusable(row), ros_time=ros_time))
         if self._signing is not None:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
@@ -126,22 +122,21 @@ class SubstituteNode:
                 checked = self._signing.checked(names.FAILURES, msg.Failure)
                 hear = partial(self._signing.subscribe, names.FAILURES, checked)
                 self._telling.put(lambda: hear(self._failed))
-        alone = cut_off = False
+        reach = False, False
         while not rospy.is_shutdown():
             wait = min(settings.TURN_S, self._core.next_deadline - self._clock.now())
             self._inputs.wait(max(wait, settings.REST_S) if clock.is_simulated() else wait)
             self._heart.beat()
-            if self._heart.cut_off is not cut_off:
-                cut_off = not cut_off
-                self._feed(events.ReachChanged(self._clock.now(), cut_off))
-            if self._heart.unheard > settings.LONGEST_PAUSE_S and not alone:
-                self._feed(events.LeftAlone(self._clock.now()))
-            alone = self._heart.unheard > settings.LONGEST_PAUSE_S
+            before, heart = reach, self._heart
+            reach = heart.cut_off, heart.unheard > settings.LONGEST_PAUSE_S
+            if reach != before:
+                self._feed(events.ReachChanged(self._clock.now(), *reach))
             for event in self._inputs.take(self._clock.now() >= self._core.reads_at):
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
             if self._clock.now() >= self._core.next_deadline:
-                self._feed(events.Tick(self._clock.now()))
+                unheard = time.monotonic() - self._heart.answered
+                self._feed(events.Tick(self._clock.now(), unheard))
 
     def _feed(self, event: events.Event) -> None:
         for command in self._answer(event):
@@ -178,14 +173,9 @@ class SubstituteNode:
 
     def _look_at_others(self, look: events.LookAtOthers) -> None:
         stands = self._inputs.stands(look.topic, look.publisher)
-        watched = None if self._host else self._to_monitor.beat(at_once=True)
-        healed = self._heart.beat(at_once=True)
-        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, healed, watched))
-
-    def _look_at_healer(self, _: events.LookAtHealer) -> None:
-        self._heart.beat(at_once=True)
-        ago = time.monotonic() - self._heart.answered
-        self._inputs.put(events.HealerHeard(self._clock.now(), ago))
+        healers = [self._heart] if self._host else [self._heart, self._to_monitor]
+        alone = not all([each.beat(at_once=True) for each in healers])
+        self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _take_over(self, command: events.TakeOver) -> None:
         row, now = command.row, self._clock.now()
@@ -228,8 +218,7 @@ class SubstituteNode:
     def _look_at_original(self, look: events.LookAtOriginal) -> None:
         def call() -> None:
             served = self._originals.served_consumers(look.topic, look.original)
-            up, consumers = served is not None, served or frozenset()
-            self._inputs.put(events.OriginalServes(self._clock.now(), look, consumers, up))
+            self._inputs.put(events.OriginalServes(self._clock.now(), look, served))
 
         self._looks.put(call)
 

@@ -41,36 +41,33 @@ class Alone:
         """Leave a topic to somebody else who publishes it."""
         self._gone.pop(event.topic, None)
 
-    def due(self, now: float) -> List[events.Command]:
-        """Return the look that is due, if one is."""
-        if now < self.look:
-            return []
-        self.look = math.inf
-        return [events.LookAtHealer()]
-
-    def answer(
-        self, event: events.HealerHeard, idle: Substitution, plans: Iterable[Substitution]
+    def due(
+        self, event: events.Tick, idle: Substitution, plans: Iterable[Substitution]
     ) -> List[events.Command]:
-        """Take a topic over if the silence of the reconfigurator is too long.
+        """Take a topic over if a look is due, and the silence of the reconfigurator is too long.
 
         It has decided about a node if it was heard long after that was gone.
         """
-        heard, patience, soon = event.time - event.ago, idle.bridge, LISTENS * idle.bridge
+        if event.time < self.look:
+            return []
+        self.look = math.inf
+        heard, patience = event.time - event.unheard, idle.bridge
         here = [each for each in plans if each.code and each.host == idle.host]
         ours = {topic: each for each in here for topic in each.topics}
         gone = [each for each in self._gone.values() if heard < each.time + patience]
         self._gone = {each.topic: each for each in gone if idle.idle and each.topic in ours}
         if not self._gone:
             return []
-        if event.ago < patience:
-            self.look = heard + (soon if event.ago < soon else patience)
-            heed = self._gone if event.ago >= soon else ()
+        listens, takes = heard + LISTENS * patience, heard + patience
+        if event.time < takes:
+            self.look = listens if event.time < listens else takes
+            heed = self._gone if event.time >= listens else ()
             return [events.Overhear(topic, ours[topic].outputs[0].type) for topic in heed]
         topic, first = self._gone.popitem()
         self._gone.clear()
         row = replace(ours[topic], node=idle.node, publishing=True, yields=True)
         self.idle, self._taken = idle, replace(row, last_message=first.last_message)
-        why = f"its node is gone, and no reconfigurator has answered for {event.ago:.1f} s"
+        why = f"its node is gone, and no reconfigurator has answered for {event.unheard:.1f} s"
         said = Log(Level.WARN, f"takes {topic} over by itself: {why}")
         return [events.TakeOver(self._taken), said]
 

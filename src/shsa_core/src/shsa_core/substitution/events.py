@@ -61,11 +61,6 @@ class RowRemoved(Event):
 
 
 @dataclass(frozen=True)
-class LeftAlone(Event):
-    """No reconfigurator has been there for a minute."""
-
-
-@dataclass(frozen=True)
 class PlansChanged(Event):
     """The plans of warm services, for which an idle process prepares, that are new or changed.
 
@@ -117,12 +112,11 @@ class LookAtOriginal(Act):
 class OriginalServes(Event):
     """The answer to a look: the consumers to which the original has published already.
 
-    `up`: it answers, and so it may publish any moment.
+    None: it does not answer; else it may publish any moment.
     """
 
     look: LookAtOriginal
-    consumers: FrozenSet[str]
-    up: bool = False
+    consumers: Optional[FrozenSet[str]]
 
 
 @dataclass(frozen=True)
@@ -159,23 +153,23 @@ class LookAtOthers(Act):
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: whether the connection stands.
+    """The answer to a look: the connection stands or not.
 
-    `healed`: our heartbeats are heard by the reconfigurator, or by the agent of our computer;
-    `watched`: by the monitor; None: that is on another computer, and cannot hear them.
+    `alone`: our heartbeats are not heard by the reconfigurator, or the agent of our computer, or
+    not by a monitor on it.
     """
 
     look: LookAtOthers
     stands: bool
-    healed: bool = True
-    watched: Optional[bool] = None
+    alone: bool = False
 
 
 @dataclass(frozen=True)
 class ReachChanged(Event):
-    """The agent of our computer tells whether the reconfigurator is out of its reach."""
+    """The reconfigurator is out of our agent's reach; `alone`: none has been there for a minute."""
 
     cut_off: bool
+    alone: bool = False
 
 
 @dataclass(frozen=True)
@@ -188,15 +182,10 @@ class FailureHeard(Event):
 
 
 @dataclass(frozen=True)
-class HealerHeard(Event):
-    """The answer to a look: the last sign of life of a reconfigurator came so long `ago`, in s."""
-
-    ago: float
-
-
-@dataclass(frozen=True)
 class Tick(Event):
-    """Time passes."""
+    """Time passes; the last sign of life of a reconfigurator came `unheard` s ago."""
+
+    unheard: float = 0.0
 
 
 LEFT_ALONE = "no reconfigurator has been there for a minute"
@@ -269,23 +258,10 @@ class Publish(Act):
 
 
 @dataclass(frozen=True)
-class Announce(Act):
-    """Tell every subscriber of a topic at once that we publish it."""
-
-    topic: str
-    type: str
-
-
-@dataclass(frozen=True)
 class Remind(Act):
     """Tell those subscribers of these topics who have not connected who publishes them."""
 
     topics: Tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LookAtHealer(Act):
-    """Ask when a reconfigurator gave a sign of life (HealerHeard)."""
 
 
 @dataclass(frozen=True)

@@ -72,7 +72,7 @@ class Handover:
         if event.look == self._awaited:
             self._awaited = None
             self._look = event.time + self._pause
-            self.served, self._up = event.consumers, event.up
+            self.served, self._up = event.consumers or NOBODY, event.consumers is not None
             if self._held is not None:
                 self._held = event.time
 

@@ -10,13 +10,7 @@ from shsa_core.model.log import Level
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Log
-from shsa_core.substitution.settings import (
-    FIRST_MISSES,
-    MADE_UP_S,
-    MISSES,
-    REST_S,
-    SHORTEST_SHARE,
-)
+from shsa_core.substitution import settings
 
 Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
@@ -46,9 +40,9 @@ class Schedule:
 
         The phase is lost if this one was late by more than that and than MADE_UP_S.
         """
-        late, half = now - self._slot, SHORTEST_SHARE * self.period
+        late, half = now - self._slot, settings.SHORTEST_SHARE * self.period
         self._slot += self.period
-        if late > max(half, MADE_UP_S):
+        if late > max(half, settings.MADE_UP_S):
             self._slot = now + self.period
         self.due = max(self._slot, now + half)
 
@@ -56,8 +50,9 @@ class Schedule:
 class Job:
     """The program of one row of the table of substitutions.
 
-    `latest`: what it yielded last, None if nothing. Raises ShsaError if the program is not valid,
-    or if its outputs are not of one topic.
+    `latest`: what it yielded last, None if nothing. `unstarted`: the fields of its outputs that are
+    integrals from nobody knows where. Raises ShsaError if the program is not valid, or if its
+    outputs are not of one topic.
     """
 
     def __init__(self, row: Substitution, now: float) -> None:
@@ -67,21 +62,18 @@ class Job:
         self._take(row)
         gap = longest_gap(self.period)
         program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
-        self._step = program.step
-        self._integrals = program.integrals
-        self._unstarted = {
+        self._program = program
+        self.unstarted = {
             signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
         }
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
         if not row.service and row.publishing:
-            self._unstarted.clear()  # somebody started it by hand: from 0, as documented
-        self._hidden = program.hidden
-        self._remembers = program.remembers
+            self.unstarted.clear()  # somebody started it by hand: from 0, as documented
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None
         self._stepped = self._rests_until = -math.inf
-        self._misses, self._allowed = 0, FIRST_MISSES
+        self._misses, self._allowed = 0, settings.FIRST_MISSES
         self._complained = False
 
     def _take(self, row: Substitution) -> None:
@@ -104,7 +96,7 @@ class Job:
     def succeed(self, old: "Job", computed: bool, now: float) -> None:
         """Go on where an old program of the same topic was; `computed`: its values were good."""
         if computed:
-            self.start(old.published)
+            self.start(zip((signal.field for signal in old.outputs), old.latest or ()))
         self._keep_phase(old.schedule, now)
 
     def _keep_phase(self, schedule: Schedule, now: float) -> None:
@@ -113,12 +105,7 @@ class Job:
     @property
     def integrates(self) -> bool:
         """Return if it sums up, and so is as good as where it last started from."""
-        return self._hidden or any(sum_ is not None for sum_ in self._integrals)
-
-    @property
-    def unstarted(self) -> Tuple[str, ...]:
-        """Return the fields of its outputs that are integrals from nobody knows where."""
-        return tuple(sorted(self._unstarted))
+        return self._program.hidden or any(each is not None for each in self._program.integrals)
 
     @property
     def written(self) -> Tuple[Tuple[str, Optional[float]], ...]:
@@ -133,10 +120,10 @@ class Job:
         """Go on from the last good values: of integrals, and of angles, which have any zero."""
         self._complained = False
         known = {field: value for field, value in values if math.isfinite(value)}
-        for signal, sum_ in zip(self.outputs, self._integrals):
+        for signal, sum_ in zip(self.outputs, self._program.integrals):
             if sum_ is not None and signal.field in known:
                 sum_[0] = known[signal.field]
-                self._unstarted.discard(signal.field)
+                self.unstarted.discard(signal.field)
                 self.latest = None
             elif signal.field in known and is_angle(signal.field):
                 self._begins[signal.field] = known[signal.field]
@@ -148,24 +135,18 @@ class Job:
             return []
         self._complained = True
         said: List[Log] = []
-        if self._unstarted:
-            fields = ", ".join(self.unstarted)
+        if self.unstarted:
+            fields = ", ".join(sorted(self.unstarted))
             text = f"no last good message says where {fields} of {self.topic} was"
             said.append(Log(Level.ERROR, f"publishes nothing: {text}"))
-        if self._hidden:
+        if self._program.hidden:
             text = f"{self.topic} is computed with an integral that has started at 0"
             said.append(Log(Level.WARN, text))
         return said
 
-    @property
-    def published(self) -> Tuple[Tuple[str, float], ...]:
-        """Return what it yielded last, by field."""
-        fields = (signal.field for signal in self.outputs)
-        return tuple(zip(fields, self.latest or ()))
-
     def due(self, hurries: bool) -> float:
         """Return when to evaluate: once a period if it `hurries` or remembers, else seldom."""
-        rests = -math.inf if hurries or self._remembers else self._rests_until
+        rests = -math.inf if hurries or self._program.remembers else self._rests_until
         return max(self.schedule.due, rests)
 
     def evaluate(self, values: Tuple[float, ...], now: float) -> bool:
@@ -176,14 +157,14 @@ class Job:
         one is left out.
         """
         self.schedule.done(now)
-        self._rests_until = now + REST_S
-        soonest = self._stepped + SHORTEST_SHARE * (self.period or 0.0)
+        self._rests_until = now + settings.REST_S
+        soonest = self._stepped + settings.SHORTEST_SHARE * (self.period or 0.0)
         if self.latest is not None and now < soonest:
             return False
         self._stepped = now
-        self.latest = self._calibrated(self._step(values, now))
+        self.latest = self._calibrated(self._program.step(values, now))
         if self.latest is not None:
-            self._misses, self._allowed = 0, MISSES
+            self._misses, self._allowed = 0, settings.MISSES
             return False
         self._misses += 1
         return self._misses == self._allowed

@@ -49,20 +49,19 @@ class Substitute:
             Event,
             {
                 events.RowChanged: self._row_changed,
-                events.RowRemoved: self._row_removed,
-                events.LeftAlone: self._left_alone,
+                # Whoever made the table may have started anew: it goes on as it was told last.
+                events.RowRemoved: lambda e: others.forget(),
                 events.PlansChanged: self._plans_changed,
                 events.InputArrived: self._input_arrived,
                 events.Advertised: lambda e: self._advertising.advertised(e.topic, self._now),
                 events.ConsumerJoined: self._consumer_joined,
                 events.OriginalServes: self._handover.answer,
                 events.OtherHeard: self._other_heard,
-                events.OtherGone: self._other_gone,
+                events.OtherGone: lambda e: None if self._hands_over else others.gone(e),
                 events.OthersStand: others.answer,
-                events.ReachChanged: lambda e: others.reach(e.cut_off),
+                events.ReachChanged: self._reach_changed,
                 events.FailureHeard: lambda e: self._alone.failed(e, self.row),
-                events.HealerHeard: lambda e: self._alone.answer(e, self.row, self._plans.values()),
-                events.Tick: lambda e: None,  # what is due by then is done after any event
+                events.Tick: lambda e: self._alone.due(e, self.row, self._plans.values()),
             },
         )
 
@@ -78,7 +77,6 @@ class Substitute:
         commands += self._publish()
         commands += self._handover.due(now)
         commands += self._advertising.due(now)
-        commands += self._alone.due(now)
         commands += [] if self._hands_over else self._others.due(now)
         self._said, self._wanted = commands, self.next_deadline
         return commands
@@ -160,18 +158,11 @@ class Substitute:
             return [events.GiveUp(command.text) for command in commands if isinstance(command, Log)]
         return commands
 
-    def _row_removed(self, _: events.RowRemoved) -> List[Command]:
-        """Go on as told last, but fill in for nobody.
-
-        Whoever made the table may have started anew, and learns of us later.
-        """
-        self._others.forget()
-        return [Log(Level.DEBUG, "the table has no row of this node any more")]
-
-    def _left_alone(self, _: events.LeftAlone) -> List[Command]:
-        """Go on publishing; end if it only stands by, unless somebody started it by hand."""
-        stands_by = self.row.idle or self.row.service != ""
-        return [events.GiveUp(events.LEFT_ALONE)] if stands_by and not self.publishing else []
+    def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
+        """Go on publishing; alone, end if it stands by, unless somebody started it by hand."""
+        self._others.cut = event.cut_off
+        ends = event.alone and not self.publishing and (self.row.idle or self.row.service != "")
+        return [events.GiveUp(events.LEFT_ALONE)] if ends else []
 
     def _follow(self, row: Substitution, last: Optional[LastMessage]) -> List[Command]:
         publishes, others = self.publishing, self._others
@@ -344,10 +335,6 @@ class Substitute:
     def _other_heard(self, event: events.OtherHeard) -> None:
         self._alone.hear(event)
         self._others.hear(event)
-
-    def _other_gone(self, event: events.OtherGone) -> None:
-        if not self._hands_over:
-            self._others.gone(event)
 
     # What it publishes.
 

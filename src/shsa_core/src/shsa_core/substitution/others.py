@@ -10,7 +10,7 @@ from typing import Callable, List, Optional, Tuple
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
-from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, QUICK_S, STEADY
+from shsa_core.substitution.settings import ALONE_LOOKS, LOOK_AGAIN_S, STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
@@ -33,7 +33,8 @@ class OtherPublishers:
         self._sources = sources
         self._watch = Watch()
         self._since = -math.inf  # when they were heard, or it began to listen
-        self._cut = self._publishing = self._yields = False
+        self.cut = False  # the reconfigurator is out of reach
+        self._publishing = self._yields = False
         self._deadline = math.inf
         self._steady = 0  # messages in a row that were not late
         self._read = sources()  # when they were heard
@@ -74,15 +75,11 @@ class OtherPublishers:
         if self.heard is not Heard.NOBODY and self._watch.has_passed(self._since, self._deadline):
             self.heard = Heard.SILENCE
 
-    def reach(self, cut_off: bool) -> None:
-        """The reconfigurator is out of reach, or in reach again."""
-        self._cut = cut_off
-
     def hear(self, event: OtherHeard) -> None:
         """Somebody else has published."""
         if not self.topic or event.topic != self.topic:
             return
-        rival = self._yields or self.heals and (self._cut or self.heard is Heard.RIVAL)
+        rival = self._yields or self.heals and (self.cut or self.heard is Heard.RIVAL)
         self.heard = Heard.RIVAL if rival else Heard.ANOTHER
         if self._steady < STEADY:
             late = self._watch.passed(self._since) >= self.bridge
@@ -101,9 +98,8 @@ class OtherPublishers:
         """Take the answer to a look; one that is not awaited is out of date."""
         if event.look != self._awaited:
             return
-        quick = self.original is Original.SPEAKS and self.bridge <= QUICK_S
-        alone = not event.healed or event.watched is False
-        self._alone = ALONE_LOOKS if alone else self._alone - 1
+        quick = self.original is Original.SPEAKS and self.bridge < LOOK_AGAIN_S / 2.0
+        self._alone = ALONE_LOOKS if event.alone else self._alone - 1
         if event.stands:
             self._judge(Original.HANGS, event.time)
         elif self.original is Original.HANGS or quick or self._alone > 0:
@@ -129,7 +125,7 @@ class OtherPublishers:
     @property
     def cut_off(self) -> bool:
         """Return if it decides by itself whether it publishes."""
-        return self._cut and self.heals
+        return self.cut and self.heals
 
     @property
     def _waits(self) -> bool:

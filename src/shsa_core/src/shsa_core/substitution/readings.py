@@ -2,6 +2,7 @@
 from math import inf
 from typing import Dict, Iterable, Optional, Sequence, Tuple
 
+from shsa_core.backlog import Backlog
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import InputArrived
 
@@ -11,36 +12,13 @@ Reading = Tuple[float, float, int, str]
 """The time at which a value came, the value, the stamp of its message in ns, and its publisher."""
 
 
-class _Stream:
-    """The messages of one publisher of a topic. Times in s."""
-
-    def __init__(self) -> None:
-        self._came = inf
-        self._usual = 0  # ns by which a message's stamp is older than the message here
-        self._catches_up_until = -inf
-
-    def is_backlog(self, time: float, age: int, allowed: float) -> bool:
-        """Return if a message tells of the past, as after a cut of a link; `age` of its stamp, ns.
-
-        So it is after a silence of more than `allowed` s, for no longer than that lasted: then it
-        is the clock over there that was set.
-        """
-        silence, self._came = time - self._came, time
-        if silence > allowed:
-            self._catches_up_until = time + silence
-        if time < self._catches_up_until and age - self._usual > 1e9 * allowed:
-            return True
-        self._usual, self._catches_up_until = age, -inf
-        return False
-
-
 class Readings:
     """The newest value of each signal; what was listened to once stays so."""
 
     def __init__(self) -> None:
         self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
         self._allowed: Dict[str, float] = {}  # by topic: the shortest deadline
-        self._streams: Dict[Tuple[str, str], _Stream] = {}
+        self._backlogs: Dict[Tuple[str, str], Backlog] = {}  # by topic and publisher
 
     def listen(self, signals: Iterable[Signal]) -> Tuple[Signal, ...]:
         """Keep the values of `signals` from now on; return those of them that are new."""
@@ -60,8 +38,9 @@ class Readings:
         """Keep the values of a message, unless it tells of the past."""
         time, topic, publisher = event.time, event.topic, event.publisher
         stamp = min(event.stamp or event.ros_time, event.ros_time)
-        stream = self._streams.setdefault((topic, publisher), _Stream())
-        if stream.is_backlog(time, event.ros_time - stamp, self._allowed.get(topic, inf)):
+        backlog = self._backlogs.setdefault((topic, publisher), Backlog())
+        age = (event.ros_time - stamp) / 1e9
+        if backlog.holds(time, age, self._allowed.get(topic, inf)):
             return
         readings = self._readings.get(topic, {})
         for field, value in event.values:

@@ -14,11 +14,9 @@ a few samples."""
 # When it fills in for an original that is late.
 STEADY = 5
 """Messages in a row, none later than what is bridged, that make a steady pace."""
-QUICK_S = 0.0125
-"""A shorter silence is over before the reconfigurator can be heard: 2.5 periods of 200 Hz."""
 LOOK_AGAIN_S = 0.05
 """Between two looks whether the original's connection stands; by then the reconfigurator has
-spoken about one that has ended."""
+spoken about one that has ended, and who is to fill in in less than half of it does not wait."""
 ALONE_LOOKS = 100
 """It goes on for so many more if a healer was not there: another one starts within 2 s."""
 
@@ -28,9 +26,6 @@ LOOK_S = 0.01
 
 # When it advertises and withdraws.
 ANNOUNCE_S = (0.05, 0.15, 0.35, 0.75, 1.55, 3.15)
-"""After advertising, those are told again who have not connected."""
-TOGETHER_S = 0.5
-"""Without a hurry no sooner, and with others that are due within this: one call to the master tells
-of all topics, and takes long where there are many."""
+"""After advertising, those are told again who have not connected; without a hurry three times."""
 WITHDRAW_DELAY_S, WITHDRAW_PAUSE_S = 0.2, 0.05
 """After a takeover, and between two topics: each has others close a connection."""

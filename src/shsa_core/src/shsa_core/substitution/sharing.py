@@ -1,6 +1,7 @@
 """Several substitutes in one process: each has a core and a row of its own."""
 import math
 from collections import defaultdict
+from dataclasses import replace
 from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Union
 
 from shsa_core.dispatch import Table, table
@@ -42,7 +43,6 @@ class Sharing:
             {
                 events.RowChanged: self._row_changed,
                 events.RowRemoved: self._row_removed,
-                events.LeftAlone: self._left_alone,
                 events.PlansChanged: lambda event: [],  # nobody here is idle
                 events.InputArrived: self._of_topic,
                 events.Advertised: self._of_topic,
@@ -51,9 +51,8 @@ class Sharing:
                 events.OtherHeard: self._of_topic,
                 events.OtherGone: self._of_topic,
                 events.OthersStand: lambda e: self._tell(e, self._concerned[e.look.topic]),
-                events.ReachChanged: lambda event: self._tell(event, self._cores),
+                events.ReachChanged: self._reach_changed,
                 events.FailureHeard: lambda event: [],
-                events.HealerHeard: lambda event: [],
                 events.Tick: self._tick,
             },
         )
@@ -92,10 +91,11 @@ class Sharing:
             return self._drop(event.service)
         return self._tell(event, [event.service] if event.service in self._cores else [])
 
-    def _left_alone(self, _: events.LeftAlone) -> List[Command]:
-        """Those who publish go on; where nobody does, the process may end."""
-        publishes = any(core.publishing for core in self._cores.values())
-        return [] if publishes else [events.GiveUp(events.LEFT_ALONE)]
+    def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
+        """Those who publish go on; alone, where nobody does, the process may end."""
+        if event.alone and not any(core.publishing for core in self._cores.values()):
+            return [events.GiveUp(events.LEFT_ALONE)]
+        return self._tell(replace(event, alone=False), self._cores)
 
     def _of_topic(self, event: OfTopic) -> List[Command]:
         return self._tell(event, self._concerned[event.topic])

@@ -52,16 +52,12 @@ def checked(signal: Signal) -> Signal:
                 f"{signal.path}: period and deadline must be {SHORTEST_S:g} to {LONGEST_S:g} s, "
                 f"or none, not {number}"
             )
-    if signal.error is not None:
-        _check_error(signal.path, signal.error)
+    error = signal.error or Error(0.0)
+    if not all(0.0 <= figure < math.inf for figure in (error.rms, error.p95 or 0.0)):
+        text = "an error must be finite and 0 or above, or none"
+        raise ShsaError(f"{signal.path}: {text}, not {error}")
     if not 0.0 < signal.gain < math.inf:
         raise ShsaError(f"{signal.path}: gain must be a finite number above 0, not {signal.gain}")
     if not math.isfinite(signal.offset):
         raise ShsaError(f"{signal.path}: offset must be a finite number, not {signal.offset}")
     return signal
-
-
-def _check_error(path: str, error: Error) -> None:
-    for figure in (error.rms, 0.0 if error.p95 is None else error.p95):
-        if not 0.0 <= figure < math.inf:
-            raise ShsaError(f"{path}: an error must be finite and 0 or above, or none, not {error}")

@@ -14,7 +14,7 @@ from typing import Any, Dict, List
 import rospy
 
 from shsa_core.message_types import message_class
-from shsa_core.ros.master.announce import announce
+from shsa_core.ros.master.announce import remind
 from shsa_core.ros.master.node_api import FAILURES
 from shsa_injection.faults import USUAL_PERIOD_S, Reading, Stream, message_fault
 from shsa_injection.inside.values import FaultyValue
@@ -57,7 +57,7 @@ def publish() -> None:
     headers: Dict[str, str] = {"callerid": order["name"]} if order["name"] else {}
     publisher = rospy.Publisher(order["topic"], kind, headers=headers, queue_size=10)
     try:
-        announce(order["topic"], order["type"])
+        remind([order["topic"]], lambda topic: frozenset())
     except FAILURES as error:
         rospy.logwarn("The master does not answer: %s", error)
     threading.Thread(target=_publish, args=(publisher, message, order), daemon=True).start()

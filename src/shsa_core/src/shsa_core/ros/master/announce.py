@@ -1,7 +1,7 @@
 """Tells subscribers of new publishers: the master takes up to 0.1 s, or for ever.
 
 It tells with three threads and no timeout: while three subscribers hang, nobody hears of a new
-publisher. `announce` tells of our own at once; `Introductions` looks whether others were heard of.
+publisher. `remind` tells of our own; `Introductions` looks whether others were heard of.
 """
 import threading
 from functools import partial
@@ -19,26 +19,6 @@ from shsa_core.ros.workers import Workers
 
 Graph = Sequence[Tuple[str, List[str]]]
 """Topics, and the nodes that publish or subscribe each."""
-
-
-def announce(topic: str, kind: str) -> None:
-    """Tell every subscriber of a topic that this node publishes it. Raises one of FAILURES."""
-    master = master_api()
-    uri = rospy.get_node_uri()
-    subscribers: List[str] = master.registerPublisher(topic, kind, uri)
-    # Registering as a subscriber is the cheapest way to the list of publishers.
-    publishers: List[str] = master.registerSubscriber(topic, kind, uri)
-    if not _listens(topic):
-        master.unregisterSubscriber(topic, uri)
-        if _listens(topic):  # it began meanwhile, and was not told of publishers since
-            publishers = master.registerSubscriber(topic, kind, uri)
-            subscribers = [*subscribers, uri]
-    _tell(subscribers, topic, publishers)
-
-
-def _listens(topic: str) -> bool:
-    """Return whether this process subscribes a topic, as a substitute may its own."""
-    return topic in dict(rospy.topics.get_topic_manager().get_subscriptions())
 
 
 def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> None:
