@@ -7,7 +7,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 32363, "healing": 4620, "monitoring": 2609, "ros": 9584}
+LINES = {"": 32360, "healing": 4616, "monitoring": 2609, "ros": 9584}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """

@@ -200,12 +200,13 @@ def test_small_changes_and_few_samples_change_no_plan() -> None:
     assert chosen(robot) == ("uy", "vx")
 
 
-def test_what_is_measured_while_it_is_healed_counts_later() -> None:
+def test_what_is_measured_while_it_is_healed_changes_no_plan_that_runs() -> None:
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
     robot.fail("/p", "/p_node", 10.0)
     program = measured(robot, 11.0, X, 0.3, 0.4)
-    assert chosen(robot) == ("ux", "vx")
+    assert chosen(robot) == ("uy", "vx")
+    assert robot.working()[0].relations == ("ux", "vx")
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
     assert measured(robot, 6.0, X, 0.3, 0.4) == program
@@ -235,7 +236,7 @@ def test_a_substitute_that_is_contradicted_gives_way_to_one_that_is_not() -> Non
     assert [(each.gain, each.offset) for each in row.outputs] == [(1.1, 0.3)] * 2
     told = "/p: the substitute is contradicted: its error has grown. The next best takes its place."
     assert Log(Level.WARN, told) in said and last_incident(said).state is State.HEALED
-    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(9.0),) * 2)
+    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(8.0),) * 2)
     robot.handle(events.CalibrationsHeard(30.0, (contradicted_too,)))
     assert robot.working()[0].relations == ("ux", "vy"), "what was tried is not tried again"
 

@@ -5,7 +5,7 @@ That is all of them, or else those that can be computed, if the message says "un
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import prod
-from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
+from typing import Collection, Iterable, Optional, Sequence, Tuple, Union
 
 from shsa_core.codegen.choice import Listing, listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
@@ -223,9 +223,7 @@ def make_plan(
         program = program_of(ontology, derivations, outputs)
     except GenerationError as error:
         return error
-    errors: List[Optional[Error]] = [None] * len(derivations)
-    if predictor is not None:
-        errors = predictor.of(derivations)
+    errors = predictor.of(derivations) if predictor else [None] * len(derivations)
     known = [error.quality for error in errors if error is not None and error.quality is not None]
     quality = prod(known) if len(known) == len(errors) else rated.quality
     return Plan(

@@ -12,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, LOOKED_AT, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
@@ -326,26 +326,20 @@ class Substitute:
         """Return the best plan but for that followed and those tried; None: there is none."""
         tried = self.tried if self.plan is None else self.tried | {self.plan}
         excluded = self._robot.health.doomed | {faulty}
-        try:
+        with suppress(ShsaError):
             return self._robot.planner.plan(service, excluded, tried)
-        except ShsaError:
-            return None
+        return None
 
     def better(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return a plan that errs clearly less by now than the one followed; None: there is none.
 
         The error of what runs grows where another derivation contradicts it.
         """
-        planner, plan, found = self._robot.planner, self.plan, None
+        planner, plan = self._robot.planner, self.plan
         if plan is None or not planner.errs_more(plan):
             return None
-        tried, excluded = self.tried | {plan}, self._robot.health.doomed | {faulty}
-        with suppress(ShsaError):
-            for _ in range(LOOKED_AT):
-                another = planner.plan(service, excluded, tried)
-                found = another if planner.errs_more(found or plan, another) else found
-                tried |= {another}
-        return found
+        another = self.another(service, faulty)
+        return another if another is not None and planner.errs_more(plan, another) else None
 
     def use(
         self,
@@ -389,12 +383,10 @@ class Substitute:
     def use_safe_values(self, service: Service) -> List[Command]:
         """Have the service's safe values published, if it has any; else no process is left."""
         plan = safe_values(service)
-        if plan is None or plan in self.tried:
-            return self.drop()
-        try:
-            return [] if plan == self.plan else self.use(service, plan)
-        except ShsaError:
-            return self.drop()
+        with suppress(ShsaError):
+            if plan is not None and plan not in self.tried:
+                return [] if plan == self.plan else self.use(service, plan)
+        return self.drop()
 
     def prepare(self, service: Service) -> List[Command]:
         """Follow the best plan for the case that the service's node fails.
@@ -402,18 +394,13 @@ class Substitute:
         A process is started for it once there is room. None stands by unless the service is hot.
         """
         robot = self._robot
-        if standby(service) is not Standby.HOT:
-            return self.drop()
-        try:
-            ready = robot.planner.plans.plan(service.name)
-            plan = ready or robot.planner.explain(service, robot.planned_without(service))
-            if plan == self.plan:
-                return []
-            if not self.node and not self._processes.starts.may(robot.time, service.name):
-                return []
-            return self.use(service, plan, ahead=True)
-        except ShsaError:
-            return self.drop()
+        with suppress(ShsaError):
+            if standby(service) is Standby.HOT:
+                ready = robot.planner.plans.plan(service.name)
+                plan = ready or robot.planner.explain(service, robot.planned_without(service))
+                waits = not self.node and not self._processes.starts.may(robot.time, service.name)
+                return [] if plan == self.plan or waits else self.use(service, plan, ahead=True)
+        return self.drop()
 
     def drop(self) -> List[Command]:
         """End the process."""

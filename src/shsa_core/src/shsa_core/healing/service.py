@@ -354,8 +354,8 @@ class ServiceMachine:
         substitute, faulty = self.substitute, self.incident.faulty_node
         if self.state is not State.HEALED or substitute.plan is None:
             return []
-        outgrown = self.robot.planner.errs_too_much(substitute.plan)
-        outgrown = outgrown or substitute.better(self.spec, faulty) is not None
+        beyond = self.robot.planner.errs_too_much(substitute.plan)
+        outgrown = beyond or substitute.better(self.spec, faulty)
         return self.fire(Trigger.OUTGROWN) if outgrown else []
 
     def tick(self) -> List[Command]:

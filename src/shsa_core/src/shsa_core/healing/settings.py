@@ -62,4 +62,3 @@ FORGET_S = 10.0  # looks farther apart than this tell nothing of the time betwee
 
 # Processes of substitutes.
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
-LOOKED_AT = 4  # plans that may err less than one that another derivation contradicts

@@ -1,4 +1,5 @@
 """Answers what could take a service over now; no question changes anything."""
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
@@ -6,9 +7,8 @@ from shsa_core.codegen.fusion import fusions_of
 from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
-from shsa_core.errors import NoSubstitute, ShsaError
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.calibration import CalibrationRow
+from shsa_core.errors import ShsaError
+from shsa_core.model.calibration import UNCALIBRATED, Calibration, CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Deadlines, Service, Signal, Source
@@ -53,9 +53,9 @@ class Calibrations:
             return False
         if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
             return False
+        self._measure(row)
         if not healing:
             self._known.setdefault(row.service, {})[row.program] = row.calibrations
-            self._measure(row)
             return True
         self._later.setdefault(row.service, {})[row.program] = row.calibrations
         known = self.of(row.service, row.program)
@@ -179,14 +179,12 @@ class Planner:
         if safe is not None and safe.program == program:
             return safe
         tried: List[Plan] = []
-        while len(tried) < RECALLED:
-            try:
+        with suppress(ShsaError):
+            for _ in range(RECALLED):
                 plan = self.plan(service, (), tried)
-            except ShsaError:
-                return None
-            if plan.program == program:
-                return plan
-            tried.append(plan)
+                if plan.program == program:
+                    return plan
+                tried.append(plan)
         return None
 
     def replaceable(
@@ -195,34 +193,15 @@ class Planner:
         """Tell that a substitute could take all of a service over without some nodes."""
         if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
             return False
-        try:
+        with suppress(ShsaError):
             return not self.plan(service, excluded, tried).left_out
-        except ShsaError:
-            return False
+        return False
 
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         """Return the best plan for a service without some nodes, but for those tried.
 
-        Raises ShsaError, also if all others err too much by now.
+        Raises ShsaError.
         """
-        refused = ""
-        while True:
-            try:
-                plan = self._best(service, excluded, tried)
-            except NoSubstitute as none:
-                if not refused:
-                    raise
-                raise NoSubstitute(service.properties, (), refused=refused) from none
-            why = self.errs_too_much(plan)
-            if not why:
-                return plan
-            refused, tried = refused or why, {*tried, plan}
-
-    def errs_too_much(self, plan: Plan) -> str:
-        """Return why a plan is not used by what it errs by now, in words; empty: it may be."""
-        return errs_too_much(replace(plan, errors=self.errors(plan)))
-
-    def _best(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
@@ -293,6 +272,10 @@ class Planner:
     def errors(self, plan: Plan) -> Tuple[Optional[Error], ...]:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
         return tuple(signal.error for signal in self.outputs(plan))
+
+    def errs_too_much(self, plan: Plan) -> str:
+        """Return why a plan is not used by what it errs by now, in words; empty: it may be."""
+        return errs_too_much(replace(plan, errors=self.errors(plan)))
 
     def errs_more(self, plan: Plan, another: Optional[Plan] = None) -> bool:
         """Tell that a plan errs clearly more by now than another; None: than any calibrated one."""
