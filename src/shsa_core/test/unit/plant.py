@@ -221,7 +221,7 @@ class HealedPlant:
             self.plant.fault("start", [command.node])
             self.sense()
 
-        self.hear(events.NodeRestarted(self.now, command.node, True))
+        self.hear(events.NodeRestarted(self.now, command.node))
         self.later(0.5, start)
 
     def _ShowSubstitutions(self, command: events.ShowSubstitutions) -> None:

@@ -14,11 +14,12 @@ import rosgraph
 
 import plain_node
 from plain_node import PlainNode
+from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Where
 from shsa_core.ros.master.node_api import Originals
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes import local as ending
-from shsa_core.ros.processes.nodes import Known, Nodes, protection
+from shsa_core.ros.processes.nodes import Nodes, protection
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value
 
@@ -79,7 +80,7 @@ def register(uri: str, name: str = NAME, topic: str = TOPIC) -> None:
 def outcome(end: Callable[..., bool], nodes: Nodes, node: str) -> Dict[str, str]:
     try:
         return {"left": ""} if end(nodes, node) else {}
-    except ending.Untouchable as why:
+    except ShsaError as why:
         return {"failed": str(why)}
 
 
@@ -241,7 +242,7 @@ def test_a_process_that_was_not_heard_is_another_than_the_one_that_failed(
     found = nodes.find(NAME, TOPIC, True, fake.uri)
     assert found.where is Where.ANOTHER and f"the one that failed is at {fake.uri}" in found.detail
     assert nodes.find(NAME, TOPIC, True, node.uri).where is Where.HERE
-    nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
+    nodes.adopt(NAME, psutil.Process(node.process.pid))
     assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.ANOTHER
     fake.end()  # then ours was started in its place
     assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.HERE
@@ -342,7 +343,7 @@ def test_nothing_is_cleared_of_a_node_that_the_master_does_not_know(nodes: Nodes
 
 def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make: Make) -> None:
     node = make("/anything")
-    nodes.adopt(NAME, Known("", psutil.Process(node.process.pid)))
+    nodes.adopt(NAME, psutil.Process(node.process.pid))
     assert nodes.find(NAME, "", True).where is Where.HERE
     assert ended(nodes) == {"left": ""}
 

@@ -196,7 +196,7 @@ class AnyRobot(RuleBasedStateMachine):
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
-                    planner.inputs(plan),
+                    planner.signals(plan.inputs),
                     plan.program.code,
                     planner.outputs(plan),
                     plan.relations,
@@ -351,7 +351,7 @@ class AnyRobot(RuleBasedStateMachine):
                     events.NodeFound(now, node, events.Where.DEAD),
                     events.NodeLeft(now, node),
                     events.ProcessUntouchable(now, node),
-                    events.NodeRestarted(now, node, known),
+                    events.NodeRestarted(now, node),
                     events.RestartFailed(now, node, "as told"),
                     events.StarterEnded(now, node),
                     events.SubstituteStarted(now, node, now),

@@ -24,7 +24,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import WELL, State, Trigger
 from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import Substitute
-from shsa_core.model.kinds import Policy, Standby
+from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
@@ -134,19 +134,16 @@ def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_a
     assert not has(robot.handle(events.Tick(100.0)), events.FindNode)
 
 
-def test_at_the_end_every_substitute_is_stopped_and_what_our_launch_had_started_first() -> None:
-    first, *others = SOM
-    robot = Robot(Som([replace(first, policy=Policy.RESTART_AND_SUBSTITUTE), *others]))
+def test_at_the_end_every_substitute_is_stopped() -> None:
+    robot = Robot()
     node = robot.heal(10.0)
-    robot.handle(events.NodeRestarted(11.0, A, with_us=True))
-    robot.handle(events.NodeRestarted(11.0, B, with_us=False))
-    commands = robot.handle(events.ShuttingDown(20.0))
-    assert commands == [events.StopSubstitute(node), events.StopNode(A)]
+    robot.handle(events.NodeRestarted(11.0, A))
+    assert robot.handle(events.ShuttingDown(20.0)) == [events.StopSubstitute(node)]
 
 
 def test_a_node_that_was_started_again_ends_with_whoever_started_it_first() -> None:
     robot = Robot()
-    robot.handle(events.NodeRestarted(11.0, A, with_us=False))
+    robot.handle(events.NodeRestarted(11.0, A))
     assert robot.handle(events.StarterEnded(12.0, A)) == [events.StopNode(A)]
     assert robot.handle(events.StarterEnded(12.0, A)) == []
 

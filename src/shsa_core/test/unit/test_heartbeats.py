@@ -132,11 +132,8 @@ time.sleep(600.0)
 """
 
 
-def test_who_waits_for_the_processor_does_not_hang_before_long(
-    role: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_waits_for_the_processor_does_not_hang_before_long(role: str) -> None:
     """Five threads share a core, so that there is always one that waits for it."""
-    monkeypatch.setattr(settings, "STARVED_S", 4.0)
     told: List[Tuple[bool, float]] = []
     tell = lambda event: told.append((event.heard, time.monotonic()))
     Life(Signs(role), lambda name: True, tell, 6)

@@ -118,7 +118,7 @@ def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
         self._implementations[topic] = HandedOver(topic, lambda _: None, lambda _: None)
 
     monkeypatch.setattr(Subscriptions, "subscribe", subscribe)
-    monkeypatch.setattr(settings, "SOON_S", 1.0)
+    monkeypatch.setattr(settings, "TICK_S", 1.0)
     rospy.rostime.set_rostime_initialized(True)
     made = Bench()
     yield made

@@ -25,7 +25,7 @@ from shsa_core.monitoring.settings import Settings
 def bench() -> Bench:
     made = Bench()
     made.connect()
-    made.stream(60)  # it is connected for longer than CONNECT_S
+    made.stream(60)  # it is connected for longer than CHANGEOVER_S
     return made
 
 

@@ -210,7 +210,7 @@ def test_one_in_a_hundred_is_noise() -> None:
 def test_exactly_half_the_rate_is_found(period: float) -> None:
     bench = Bench(service(period=period))
     bench.connect()
-    bench.stream(200, period=period)
+    bench.stream(400, period=period)
     began = bench.now
     bench.stream(200, period=2 * period)
     assert bench.kinds() == [(NODE, "rate_low")]

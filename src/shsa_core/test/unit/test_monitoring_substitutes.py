@@ -15,7 +15,7 @@ from shsa_core.monitoring.events import Message, SubstitutionsChanged
 def bench() -> Bench:
     made = Bench()
     made.connect()
-    made.stream(60)  # it is connected for longer than CONNECT_S
+    made.stream(60)  # it is connected for longer than CHANGEOVER_S
     return made
 
 

@@ -122,12 +122,12 @@ def test_a_substitute_that_fails_leaves_the_service_lost() -> None:
     assert (shown(bench).condition, level(bench)) == (Condition.LOST, ERROR)
 
 
-def test_a_stranger_who_sends_nonsense_disturbs_a_healthy_service(bench: Bench) -> None:
+def test_a_stranger_who_sends_nonsense_makes_a_healthy_service_doubtful(bench: Bench) -> None:
     bench.connect(STRANGER)
     for _ in range(60):
         bench.stream(1, STRANGER, value=1000.0, period=PERIOD / 2)
         bench.stream(1, period=PERIOD / 2)
-    assert (shown(bench).condition, level(bench)) == (Condition.DISTURBED, WARN)
+    assert (shown(bench).condition, level(bench)) == (Condition.DOUBTFUL, WARN)
     assert STRANGER in shown(bench).detail
     bench.disconnect(STRANGER)
     assert shown(bench).condition is Condition.HEALTHY

@@ -200,8 +200,8 @@ def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     assert hosts.seen(0.0, PI, 0.0, 4.0)
     assert not hosts.seen(1.0, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 0.0
-    assert hosts.seen(3.0, PI, 0.0, 4.0)
-    assert hosts.of(PI).steady == 3.0 and hosts.counts(PI, 3.0)
+    assert hosts.seen(3.5, PI, 0.0, 4.0)
+    assert hosts.of(PI).steady == 3.5 and hosts.counts(PI, 3.5)
 
 
 def test_a_computer_is_in_doubt_while_it_has_just_come_back() -> None:

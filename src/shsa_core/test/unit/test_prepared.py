@@ -48,8 +48,8 @@ class Bench:
     @property
     def forking(self) -> forking.Forking:
         """Return the owner of the prepared process."""
-        assert self.ours._forking is not None
-        return self.ours._forking
+        assert self.ours.forking is not None
+        return self.ours.forking
 
     def ready(self, but: int = 0) -> psutil.Process:
         """Wait until there is a prepared process, and another one than `but`."""
@@ -122,7 +122,7 @@ def test_a_fork_with_a_program_shows_its_name_however_long_its_code_is(bench: Be
     process = bench.ours.children._running[node]
     assert not isinstance(process, Started)
     assert "__name:=substitute_b_1" in process.cmdline()
-    assert bench.ours.runs_ours(node, process)
+    assert Substitutes(lambda *_: None, lambda _: None, SETUP).take_up() == [node]
 
 
 def test_a_fork_that_nobody_can_look_after_is_ended(
@@ -187,8 +187,7 @@ def test_what_was_forked_goes_on_when_who_forked_it_is_killed_and_is_known(bench
     again = bench.ready(but=prepared.pid)
     assert process.is_running() and not bench.ended
     follower = Substitutes(lambda *_: None, lambda _: None, SETUP)
-    left = follower.left_behind()
-    assert left == {f"{NAMESPACE}/substitute_a_1": process}
+    assert follower.take_up() == [f"{NAMESPACE}/substitute_a_1"]
     process.kill()
     wait_until(lambda: bench.ended, 5.0, "its end is told")
     assert bench.ended == {f"{NAMESPACE}/substitute_a_1": "exit status unknown"}
@@ -252,16 +251,9 @@ def test_it_ends_with_who_gives_it_orders(bench: Bench) -> None:
     assert process.is_running()
 
 
-def test_another_environment_is_not_forked(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench.ready()
-    monkeypatch.setenv("ROS_IP", "127.0.0.2")
-    bench.start()
-    assert not bench.is_forked()
-
-
 def test_in_a_sandbox_each_is_started_by_itself() -> None:
     none = Substitutes(lambda *_: None, lambda _: None, Setup("/", sandbox=["env"], forks=True))
-    assert none._forking is None
+    assert none.forking is None
 
 
 def test_orders_come_on_a_socket_alone() -> None:

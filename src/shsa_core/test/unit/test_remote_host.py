@@ -12,9 +12,9 @@ from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
 from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written  # noqa: E402
 from shsa_core.hosts.conversation import AgentEnd, RemoteHost  # noqa: E402
-from shsa_core.ros.settings import HEARTBEAT_S, LOST_BEATS, RETURN_BEATS, TICK_S  # noqa: E402
+from shsa_core.ros.settings import LOST_BEATS, RETURN_BEATS, TICK_S, TURN_S  # noqa: E402
 
-PATIENCE, RETURNS = LOST_BEATS * HEARTBEAT_S, RETURN_BEATS * HEARTBEAT_S
+PATIENCE, RETURNS = LOST_BEATS * TURN_S, RETURN_BEATS * TURN_S
 SUBSTITUTE = events.StartSubstitute("/substitute_a_1", None, host="pi")
 
 
@@ -27,9 +27,8 @@ class Cable:
         self.whole = True
         self.now = 100.0
         self.running: List[str] = []
-        self.restarted: List[str] = []
         self.host = RemoteHost("pi", self.told.append, self.command, PATIENCE, RETURNS)
-        self.agent = AgentEnd(1000, PATIENCE)
+        self.agent = AgentEnd(PATIENCE)
 
     def command(self, **fields: Any) -> None:
         if self.whole and self.agent.hear(msg.HostCommand(**fields), self.now):
@@ -39,15 +38,12 @@ class Cable:
         if self.whole:
             self.host.heard(
                 msg.HostEvent(
-                    began=self.agent.began,
                     session=self.agent.session,
                     open=self.agent.is_open(self.now),
                     number=self.agent.said,
                     heard=self.agent.heard,
                     event=text,
-                    addresses=["10.0.0.2", "pi"],
                     running=self.running,
-                    restarted=self.restarted,
                     load=0.5,
                     cores=4.0,
                 ),
@@ -107,7 +103,7 @@ def test_after_a_loss_both_begin_anew_and_what_is_not_wanted_is_stopped(
     cable.whole = True
     cable.pass_time(0.5)
     assert cable.agent.session > session and cable.host.is_reached
-    assert cable.done.count(events.StopSubstitute(node)) == 1
+    assert cable.done.count(events.StopNode(node)) == 1
     assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
     cable.pass_time(2.0)
     assert not cable.take(events.HostLost) and cable.host.is_quiet
@@ -146,7 +142,7 @@ def test_a_silent_computer_is_lost_and_seen_again(cable: Cable) -> None:
     assert not cable.take(events.HostLost)
     cable.pass_time(0.4)
     assert [each.host for each in cable.take(events.HostLost)] == ["pi"]
-    assert not cable.host.told().reached
+    assert not cable.host.is_reached
     cable.take(events.HostSeen)
     cable.pass_time(3.0)
     assert not cable.take(events.HostLost)  # it is said once
@@ -194,7 +190,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
 def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     number = cable.agent.heard + 1
-    late = msg.HostCommand(session=cable.agent.session, agent=1000, number=number, command=text)
+    late = msg.HostCommand(session=cable.agent.session, number=number, command=text)
     cable.now += PATIENCE + 0.1
     assert not cable.agent.hear(late, cable.now)
     cable.pass_time(0.3)
@@ -206,7 +202,7 @@ def test_what_a_stranger_repeats_changes_nothing(cable: Cable) -> None:
     text = written(COMMANDS, events.EndProcess("/a"))
     cable.host.carry_out(events.EndProcess("/a"), cable.now)
     cable.tell(events.NodeLeft(0.0, "/a"))
-    ours = msg.HostCommand(session=cable.agent.session, agent=1000, number=2, command=text)
+    ours = msg.HostCommand(session=cable.agent.session, number=2, command=text)
     done, session = list(cable.done), cable.agent.session
     assert ours.number == cable.agent.heard and not cable.agent.hear(ours, cable.now)
     cable.take(events.NodeLeft)
@@ -238,7 +234,7 @@ def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable)
     cable.running = [SUBSTITUTE.node]
     cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
     cable.told.clear()
-    cable.agent = AgentEnd(2000, PATIENCE)
+    cable.agent = AgentEnd(PATIENCE)
     cable.pass_time(0.3)
     assert cable.done.count(SUBSTITUTE) == 1
     assert [each.known for each in cable.take(events.NodeLearned)] == [False]
@@ -254,17 +250,17 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
         cable.host.carry_out(start, cable.now)
     for node in (SUBSTITUTE.node, kept.node, ended.node):
         cable.tell(events.SubstituteStarted(0.0, node, 0.0))
-    cable.tell(events.NodeRestarted(0.0, "/a", True))
+    cable.tell(events.NodeRestarted(0.0, "/a"))
     cable.whole = False
     cable.pass_time(2.0)
     cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)
     cable.host.carry_out(events.StopNode("/a"), cable.now)
-    cable.running, cable.restarted = [SUBSTITUTE.node, kept.node], ["/a"]
+    cable.running = [SUBSTITUTE.node, kept.node, "/a"]
     cable.whole = True
     cable.done.clear()
     cable.pass_time(0.5)
     stops = [each for each in cable.done if not isinstance(each, events.WatchNodes)]
-    assert stops == [events.StopSubstitute(SUBSTITUTE.node), events.StopNode("/a")]
+    assert stops == [events.StopNode("/a"), events.StopNode(SUBSTITUTE.node)]
     assert [each.node for each in cable.take(events.ProcessExited)] == [ended.node]
 
 

@@ -9,6 +9,7 @@ import psutil
 import pytest
 import rospy
 
+from shsa_core.ros.processes.children import Children
 from shsa_core.ros.processes.restarting import Restarts
 from shsa_testing.waiting import wait_until
 
@@ -22,7 +23,8 @@ def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def restarts(host: str = "pi") -> Restarts:
-    return Restarts(lambda node: None, host)
+    children = Children(lambda node, status: None)
+    return Restarts(children, lambda node: None, lambda node, process: None, host)
 
 
 @pytest.fixture
@@ -40,14 +42,14 @@ def started(tmp_path: Path) -> Iterator[psutil.Process]:
     yield process
     if process.is_running():
         process.kill()
-    wait_until(lambda: agent.children.running() == [], 5.0, "its end is seen")
+    wait_until(lambda: agent._children.running() == [], 5.0, "its end is seen")
 
 
 def test_a_node_that_was_started_again_is_known_by_what_runs(started: psutil.Process) -> None:
     heir = restarts()
-    assert heir.take_up() == [NODE] and heir.children.running() == [NODE]
-    assert not heir.is_with_us(NODE) and heir.left_alone() == []  # we have started it, and live
-    heir.children.stop(NODE)
+    assert heir.take_up() == [NODE] and heir._children.running() == [NODE]
+    assert heir.abandoned(ending=True) == []  # we have started it, and live
+    heir._children.stop(NODE)
     wait_until(lambda: restarts().take_up() == [], 5.0, "it has ended")
 
 
@@ -57,7 +59,7 @@ def test_who_ends_with_us_is_whose_starter_has_started_us(
     monkeypatch.setattr(os, "getppid", os.getpid)
     heir = restarts()
     heir.take_up()
-    assert heir.is_with_us(NODE)
+    assert heir.abandoned() == [] and heir.abandoned(ending=True) == [NODE]
 
 
 @pytest.mark.parametrize("environment", [{"ROS_MASTER_URI": "http://localhost:2"}, {}])
@@ -79,4 +81,4 @@ def test_what_a_node_has_started_is_not_the_node(
         heir = restarts()
         assert heir.take_up() == [NODE]
         child.kill()
-    assert heir.children.running() == [NODE]
+    assert heir._children.running() == [NODE]

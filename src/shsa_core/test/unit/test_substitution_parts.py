@@ -89,19 +89,11 @@ def test_a_substitute_at_1_khz_that_wakes_late_now_and_then_keeps_its_rate() -> 
     assert all(moment - value <= 0.004 for moment, value in sent)
 
 
-def test_what_is_hastened_is_due_sooner_and_never_later() -> None:
-    schedule = Schedule(0.5, 10.0)
-    schedule.hasten(11.0)
-    assert schedule.due == 10.0
-    schedule.hasten(9.0)
-    assert schedule.due == 9.0
-
-
-def test_without_a_period_only_what_is_hastened_is_due() -> None:
+def test_without_a_period_only_what_begins_is_due() -> None:
     schedule = Schedule(None, 10.0)
     schedule.done(10.0)
     assert schedule.due == math.inf
-    schedule.hasten(12.0)
+    schedule.begin(12.0)
     assert schedule.due == 12.0
 
 

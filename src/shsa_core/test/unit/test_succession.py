@@ -210,7 +210,7 @@ def test_a_message_of_who_was_well_is_still_known() -> None:
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
     robot = Robot(som)
-    robot.handle(events.NodeRestarted(11.0, A, True))
+    robot.handle(events.NodeRestarted(11.0, A))
     commands = succeed(robot, 20.0, (A,))
     assert not has(commands, events.StopSubstitute)
     assert robot.handle(events.StarterEnded(21.0, A)) == [events.StopNode(A)]
@@ -218,7 +218,7 @@ def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
 
 def test_a_node_that_was_started_again_and_is_gone_is_nobodys() -> None:
     robot = Robot()
-    robot.handle(events.NodeRestarted(11.0, A, True))
+    robot.handle(events.NodeRestarted(11.0, A))
     succeed(robot, 20.0)
     assert robot.handle(events.StarterEnded(21.0, A)) == []
 

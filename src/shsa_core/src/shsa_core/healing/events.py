@@ -147,7 +147,7 @@ class NodeLearned(NodeEvent):
 
 @dataclass(frozen=True)
 class NodeCameUp(NodeEvent):
-    """A process has come up as one of the nodes of WatchNodes, or is about to."""
+    """A process has come up as one of the nodes of WatchNodes."""
 
 
 @dataclass(frozen=True)
@@ -224,9 +224,7 @@ class SubstituteRequested(Event):
 
 @dataclass(frozen=True)
 class NodeRestarted(NodeEvent):
-    """A node was started again; `with_us`: who started it first has started us too."""
-
-    with_us: bool
+    """A node was started again."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +236,7 @@ class RestartFailed(NodeEvent):
 
 @dataclass(frozen=True)
 class StarterEnded(NodeEvent):
-    """Those who started `node` first have ended: roslaunch, or a terminal."""
+    """Those who started `node` first have ended, or end with us: roslaunch, or a terminal."""
 
 
 @dataclass(frozen=True)

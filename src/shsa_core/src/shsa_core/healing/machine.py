@@ -19,7 +19,7 @@ from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State, Trigger
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.process import standby
-from shsa_core.healing.records import Counters, RestartedNode
+from shsa_core.healing.records import Counters
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
@@ -30,7 +30,8 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
-NOT_HELD = (events.Started, events.MaintenanceSet, events.ShuttingDown, events.LaunchEnding)
+ENDINGS = (events.ShuttingDown, events.LaunchEnding, events.StarterEnded)
+NOT_HELD = (events.Started, events.MaintenanceSet, *ENDINGS)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
 """Commands for people come after those that act: a line of the log takes as long as a takeover."""
@@ -281,14 +282,12 @@ class Reconfigurator:
         return []
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
-        """End every substitute, and the nodes that whoever ends us has started first."""
+        """End every substitute."""
         self._over = True
-        ours = [each for each in self.robot.restarted if each.with_us]
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
         self._processes.starts.waiting.clear()
-        ended: List[Command] = [events.StopSubstitute(node) for node in self.substitutes]
-        return ended + [events.StopNode(each.node) for each in ours]
+        return [events.StopSubstitute(node) for node in self.substitutes]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         """Heal nothing from now on: what stops does so on purpose."""
@@ -335,14 +334,13 @@ class Reconfigurator:
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
-            record = RestartedNode(event.node, event.with_us)
-            self.robot.records.set(record.key, record)
+            self.robot.restarted.add(event.node)
         return []
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         """End a node that was started again with whoever started it first."""
-        ours = any(each.node == event.node for each in self.robot.restarted)
-        self.robot.records.set(f"restarted {event.node}", None)
+        ours = event.node in self.robot.restarted
+        self.robot.restarted.discard(event.node)
         return [events.StopNode(event.node)] if ours else []
 
     def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:

@@ -264,7 +264,7 @@ class Nodes:
             for topic in sorted(self._health.topics.get(node, ())):
                 if self._health.healthy((topic, node)):
                     commands += self.identities.came_up(node, topic)
-        self._robot.records.set(f"restarted {node}", None)
+        self._robot.restarted.discard(node)
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)
             return commands

@@ -125,7 +125,7 @@ class Processes:
             command = self._start(events.StartSubstitute(node, None, shared=True))
         elif not node:
             node = self._robot.names.fresh(service.topic.strip("/").replace("/", "_"))
-            inputs, outputs = planner.inputs(plan), planner.outputs(plan)
+            inputs, outputs = planner.signals(plan.inputs), planner.outputs(plan)
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
             command = self._start(start)
         substitute.node = node

@@ -97,16 +97,7 @@ class Healthy(Keyed):
     template: bytes = b""
 
 
-@dataclass(frozen=True)
-class RestartedNode(Keyed):
-    """A node that was started again; `with_us` as in NodeRestarted."""
-
-    KEY = "restarted {0.node}"
-    node: str
-    with_us: bool
-
-
-Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy, RestartedNode]
+Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy]
 
 
 def of_this_robot(

@@ -7,7 +7,7 @@ from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
-from shsa_core.healing.records import Record, RestartedNode
+from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
 from shsa_core.model.names import Names
@@ -70,7 +70,7 @@ class Robot:
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
     those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
     `ending`: the launch of the robot ends, and nothing is healed or started any more. `dry_run`:
-    nothing is killed or started; `restarts`: nodes may be started again.
+    nothing is killed or started; `restarts`: nodes may be started again, as were those `restarted`.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class Robot:
         self.maintained = self.ending = self.dry_run = False
         self.restarts = True
         self.elsewhere: Dict[str, str] = {}
+        self.restarted: Set[str] = set()
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)
@@ -92,11 +93,6 @@ class Robot:
         how = settings.method, settings.deadlines
         self.planner = Planner(ontology, som, self.availability.services, *how)
         self.calibrations = self.planner.calibrations
-
-    @property
-    def restarted(self) -> Tuple[RestartedNode, ...]:
-        """Return the nodes that were started again."""
-        return tuple(e for e in self.records.rows.values() if isinstance(e, RestartedNode))
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""

@@ -12,14 +12,7 @@ from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
 from shsa_core.healing.kill import KillNode
-from shsa_core.healing.records import (
-    Counters,
-    Fate,
-    Healthy,
-    NodeRecord,
-    RestartedNode,
-    ServiceRecord,
-)
+from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Policy
@@ -41,8 +34,10 @@ def started(core: Core, event: events.Started) -> List[Command]:
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
+        else:
+            robot.restarted.add(node)
     commands = _take_up(core, event)
-    kept = {*core.processes.nodes, *(each.node for each in robot.restarted)}
+    kept = {*core.processes.nodes, *robot.restarted}
     stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
     for node in event.running:
         if node not in kept | stopped:
@@ -74,8 +69,6 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
             robot.names.next = max(robot.names.next, record.names)
         elif isinstance(record, NodeRecord):
             core.nodes.recall(record)
-        elif isinstance(record, RestartedNode) and record.node in event.running:
-            robot.records.set(record.key, record)
     for each in stand:  # all of them, before any can end a process that it shares
         row = each.substitution
         if row is not None:

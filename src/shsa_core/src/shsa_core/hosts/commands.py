@@ -1,12 +1,13 @@
 """Commands to one computer, and its events; to an agent and back each is one line of JSON."""
 import json
-from typing import Any, Callable, Optional, Protocol, Union
+from typing import Any, Callable, Optional, Union
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.journal.codec import Codec
 
-NodeCommand = Union[
+HostCommand = Union[
+    events.WatchNodes,
     events.LearnNode,
     events.FindNode,
     events.AskToLeave,
@@ -17,8 +18,6 @@ NodeCommand = Union[
     events.RestartNode,
     events.StopNode,
 ]
-"""Commands about one node."""
-HostCommand = Union[NodeCommand, events.WatchNodes]
 HostEvent = Union[
     events.NodeLearned,
     events.NodeCameUp,
@@ -37,13 +36,8 @@ HostEvent = Union[
 COMMANDS, EVENTS = Codec(HostCommand), Codec(HostEvent)
 Tell = Callable[[HostEvent], None]
 """Is told an event, from any thread; waits for nobody."""
-
-
-class Host(Protocol):
-    """Carries out the commands about the processes of one computer, and tells its events."""
-
-    def carry_out(self, command: HostCommand) -> None:
-        """Begin to carry out a command, and wait for nobody; what fails is answered by an event."""
+CarryOut = Callable[[HostCommand], object]
+"""Begins to carry out a command, and waits for nobody; what fails is answered by an event."""
 
 
 def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:

@@ -7,7 +7,7 @@ nothing. Times in s, on one clock.
 """
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, Type
+from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple, Type
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
@@ -29,23 +29,14 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
 """Commands that somebody waits for the answer of."""
 
 
-class HostState(NamedTuple):
-    """The state of a computer, for people; `silent`: s since it was `seen`; None: it never was."""
-
-    name: str
-    reached: bool
-    silent: float
-    seen: Optional[events.HostSeen]
-
-
 class RemoteHost:
-    """A Host of the computer `name`. For one thread at a time.
+    """The computer `name`. For one thread at a time.
 
     `tell(event)` hears its events, HostSeen and HostLost; `publish(**fields)` sends a HostCommand;
     `ended()`: whether the agent has closed its connection, as it does when it ends. One that is
     silent for `patience` is lost, one that has ended after `returns`: it may be started again. What
     is to be stopped while it cannot be reached is stopped once it can be; substitutes that have
-    ended meanwhile are told.
+    ended meanwhile are told. `silence`: s since it was heard, `seen`: what it told then.
     """
 
     def __init__(
@@ -59,48 +50,38 @@ class RemoteHost:
         self.name = name
         self._patience, self._returns = patience, returns
         self.ended: Callable[[], bool] = lambda: False
-        self.addresses: Tuple[str, ...] = ()
         self._tell, self._publish = tell, publish
-        self._agent = self._session = 0
-        self._said = self._heard = 0  # commands and events of this session
+        self._session = self._said = self._heard = 0  # commands and events of this session
         self._confirmed = 0  # so many of our commands has the agent heard
         self.is_reached = self._left = self._settled = False
         self._lost = True  # as far as anybody was told
         self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
-        # What is to run there, what was found to run there, and how each is stopped.
-        self._wanted: Dict[str, HostCommand] = {}
-        self._found: Dict[str, HostCommand] = {}
+        self._wanted: Set[str] = set()  # the nodes that are to run there
+        self._found: Set[str] = set()  # those that were found to
         self._watched = events.WatchNodes(())
-        self._seen: Optional[events.HostSeen] = None
+        self.seen: Optional[events.HostSeen] = None
         self._clock = Watch()
-        self._heard_at = float("-inf")
+        self._heard_at, self.silence = float("-inf"), 0.0
 
     @property
     def is_quiet(self) -> bool:
         """True if nothing is under way to the agent, or can be."""
         return not self.is_reached or self._confirmed == self._said
 
-    def told(self) -> HostState:
-        """Return how the computer does."""
-        silent = self._clock.passed(self._heard_at)
-        return HostState(self.name, self.is_reached, silent, self._seen)
-
     def take_up(self) -> Tuple[str, ...]:
         """Want what runs there, and return it; what is found later, and not wanted, is stopped."""
         self._settled = True
-        self._wanted.update(self._found)
-        return tuple(self._wanted)
+        self._wanted |= self._found
+        return tuple(sorted(self._wanted))
 
     def carry_out(self, command: HostCommand, now: float) -> None:
-        """Begin to carry out a command; see Host."""
+        """Begin to carry out a command; see CarryOut."""
         if isinstance(command, events.WatchNodes):
             self._watched = command
-        elif isinstance(command, events.StartSubstitute):
-            self._wanted[command.node] = events.StopSubstitute(command.node)
-        elif isinstance(command, events.RestartNode):
-            self._wanted[command.node] = events.StopNode(command.node)
+        elif isinstance(command, (events.StartSubstitute, events.RestartNode)):
+            self._wanted.add(command.node)
         elif isinstance(command, (events.StopSubstitute, events.StopNode)):
-            self._wanted.pop(command.node, None)
+            self._wanted.discard(command.node)
         if self.is_reached:
             self._send(command)
         else:
@@ -109,97 +90,83 @@ class RemoteHost:
     def heard(self, message: Message, now: float) -> None:
         """Take in a message of the agent."""
         figures = message.load, message.cores, message.transmitted, message.received
-        self._seen = events.HostSeen(now, self.name, *figures)
-        self.addresses = tuple(message.addresses)
+        self.seen = events.HostSeen(now, self.name, *figures)
         expected = self._heard + bool(message.event)
-        if message.began != self._agent:
-            self._give_up(now, f"the agent of {self.name} was started anew")
-            self._begin(message)
-        elif (message.session, message.number) < (self._session, expected):
+        ours = message.session == self._session and message.open
+        if message.session < self._session or (ours and message.number < expected):
             return  # it is of a former conversation, or was heard before
-        elif message.open and message.session == self._session and message.number == expected:
-            self._heard_at, self._left = now, False
-            self._heard, self._confirmed = message.number, message.heard
-            if not self.is_reached:
-                self._reach(message, now)
-            if message.event:
-                with suppress(ModelError):
-                    event = read(EVENTS, message.event, f"the agent of {self.name}")
-                    self._tell(self._ours(event, now))
-            else:
-                self._tell(self._seen)
-        elif self.is_reached or message.session > self._session:
-            self._give_up(now, f"something was lost on the way to or from {self.name}")
-            self._begin(message)
+        if not ours or message.number > expected:
+            self._begin(
+                now, f"the agent of {self.name} began anew, or was not heard", message.session
+            )
+            return
+        self._heard_at, self._left = now, False
+        self._heard, self._confirmed = message.number, message.heard
+        if not self.is_reached:
+            self._reach(message, now)
+        if not message.event:
+            self._tell(self.seen)
+            return
+        with suppress(ModelError):
+            event = read(EVENTS, message.event, f"the agent of {self.name}")
+            self._tell(self._ours(event, now))
 
     def tick(self, now: float, step: float) -> None:
         """Give up an agent that is silent; to be called every `step`."""
         self._clock.look(now, self._clock.now + step)
-        silence = self._clock.passed(self._heard_at)
-        if self.is_reached and silence >= self._patience:
-            self._give_up(now, f"{self.name} has not answered for {silence:.1f} s")
+        self.silence = self._clock.passed(self._heard_at)
+        silent = f"answered for {self.silence:.1f} s"
+        if self.is_reached and self.silence >= self._patience:
+            self._begin(now, f"{self.name} has not {silent}")
         self._left = self._left or (not self.is_reached and self.ended())
         patience = self._returns if self._left else self._patience
-        if not self.is_reached and not self._lost and silence >= patience:
+        if not self.is_reached and not self._lost and self.silence >= patience:
             self._lost = True
-            why = f"its agent has not answered for {silence:.1f} s"
-            self._tell(events.HostLost(now, self.name, why))
+            self._tell(events.HostLost(now, self.name, f"its agent has not {silent}"))
 
     def beat(self) -> None:
         """Tell the agent that we are there, and how much of it was heard."""
-        if self._agent:
+        if self._session:
             self._say("")
 
-    def _begin(self, message: Message) -> None:
-        """Begin a conversation; all that belongs to former ones counts no more."""
-        self._agent = message.began
-        self._session = max(message.session, self._session) + 1
-        self.beat()
-
-    def _reach(self, message: Message, now: float) -> None:
-        """Both ends hear each other from now on."""
-        self.is_reached, self._lost = True, False
-        self._found = {node: events.StopSubstitute(node) for node in message.running}
-        self._found.update({node: events.StopNode(node) for node in message.restarted})
-        self._send(self._watched)
-        if self._settled:
-            self._reconcile(now)
-
-    def _reconcile(self, now: float) -> None:
-        """Stop what runs there and is not wanted; tell of wanted substitutes that do not run."""
-        for node in [each for each in self._wanted if each not in self._found]:
-            if isinstance(self._wanted.pop(node), events.StopSubstitute):
-                self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
-        for node in [each for each in self._found if each not in self._wanted]:
-            self._send(self._found[node])
-
-    def _ours(self, event: HostEvent, now: float) -> HostEvent:
-        """Return an event by our clock; nothing waits for it any more."""
-        for command in [each for each in self._waits if each[1] == event.node]:
-            if isinstance(event, ANSWERS[command[0]]):
-                del self._waits[command]
-        if isinstance(event, events.SubstituteStarted):
-            return replace(event, time=now, found=now)
-        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
-            self._wanted.pop(event.node, None)
-        return replace(event, time=now)
-
-    def _give_up(self, now: float, why: str) -> None:
-        """End the conversation, and answer what still waits."""
+    def _begin(self, now: float, why: str, theirs: int = 0) -> None:
+        """Begin a conversation after `theirs`, and answer what waits in the former one."""
         self.is_reached = False
-        self._agent = self._said = self._heard = self._confirmed = 0
+        self._session = max(self._session, theirs) + 1
+        self._said = self._heard = self._confirmed = 0
+        self.beat()
         waits, self._waits = self._waits, {}
         for command in waits.values():
             self._answer(command, now, why)
+
+    def _reach(self, message: Message, now: float) -> None:
+        """Both ends hear each other: from now on what runs there is what is wanted."""
+        self.is_reached, self._lost = True, False
+        self._found = set(message.running)
+        self._send(self._watched)
+        if not self._settled:
+            return
+        for node in sorted(self._wanted - self._found):
+            self._wanted.discard(node)
+            self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
+        for node in sorted(self._found - self._wanted):
+            self._send(events.StopNode(node))
+
+    def _ours(self, event: HostEvent, now: float) -> HostEvent:
+        """Return an event by our clock; nothing waits for it any more."""
+        for kind, answers in ANSWERS.items():
+            if isinstance(event, answers):
+                self._waits.pop((kind, event.node), None)
+        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
+            self._wanted.discard(event.node)
+        return replace(event, time=now)
 
     def _answer(self, command: HostCommand, now: float, why: str) -> None:
         event = not_done(command, now, why)
         if isinstance(command, events.FindNode):
             event = events.NodeFound(now, command.node, Where.UNREACHABLE, why)
-        if isinstance(event, (events.ProcessExited, events.RestartFailed)):
-            self._wanted.pop(event.node, None)
         if event is not None:
-            self._tell(event)
+            self._tell(self._ours(event, now))
 
     def _send(self, command: HostCommand) -> None:
         if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:
@@ -208,20 +175,19 @@ class RemoteHost:
         self._say(written(COMMANDS, command))
 
     def _say(self, text: str) -> None:
-        numbers = {"session": self._session, "agent": self._agent, "number": self._said}
-        self._publish(command=text, **numbers)
+        self._publish(command=text, session=self._session, number=self._said)
 
 
 class AgentEnd:
     """The agent's end of the conversation with a reconfigurator; of none at first.
 
-    `began`: the agent's own number; `said`, `heard`: the numbers of the last event and command. A
-    reconfigurator that was silent for `patience`, or of which something was lost, must begin anew:
-    what it has said before may come late, and is not wanted any more.
+    `said`, `heard`: the numbers of the last event and command. A reconfigurator that was silent for
+    `patience`, or of which something was lost, must begin anew: what it has said before may come
+    late, and is not wanted any more.
     """
 
-    def __init__(self, began: int, patience: float) -> None:
-        self.began, self._patience = began, patience
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
         self.session = self.said = self.heard = 0
         self._heard_at = float("-inf")
         self._open = False
@@ -233,11 +199,9 @@ class AgentEnd:
 
     def hear(self, message: Message, now: float) -> bool:
         """Return whether a message holds a command that is to be carried out now."""
-        if message.agent != self.began or message.session < self.session:
-            return False  # it is for another agent, or of a former reconfigurator
         if message.session > self.session:
             self.session, self.said, self.heard, self._open = message.session, 0, 0, True
-        elif not self.is_open(now):
+        elif message.session < self.session or not self.is_open(now):
             return False
         expected = self.heard + bool(message.command)
         if message.number < expected:

@@ -141,6 +141,11 @@ class _Rate:
         if self.is_known:
             yield replace(self.sample(self._period), fastest=self._fastest)
 
+    def beyond_doubt(self, rate: RateSample) -> RateSample:
+        """Return a rate in doubt against the publisher: what waited for us came at no rate."""
+        apart = self.times[-1][2] - self.times[0][2]
+        return replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
+
     def sample(self, period: float) -> RateSample:
         """Return the rate, to be judged by a period."""
         first, last = self.times[0], self.times[-1]
@@ -313,8 +318,8 @@ class Evidence:
             yield judge(self._checks, sample)
         for rate in self.rate.samples(message):
             if not self.rate_was_good:
-                nominal = replace(rate, longest=self.rate.span, shortest=self.rate.span)
-                self.rate_was_good = judge(self._checks, nominal) is None
+                sure = self.rate.beyond_doubt(rate)
+                self.rate_was_good = judge(self._checks, sure) is None
             yield judge(self._checks, rate)
 
 

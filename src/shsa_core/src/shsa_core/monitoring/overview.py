@@ -13,13 +13,12 @@ from shsa_core.monitoring.publishers import NOBODY, Publisher
 class Condition(Word):
     """The condition of a service.
 
-    DOUBTFUL: it is healthy, but others contradict it, or a value is unusual or out of range.
-    DISTURBED: its node is healthy, and somebody who fails publishes beside it.
+    DOUBTFUL: its node is healthy, but others contradict it, a value is unusual or out of range, or
+    somebody who fails publishes beside it.
     """
 
     HEALTHY = "healthy"
     DOUBTFUL = "doubtful"
-    DISTURBED = "disturbed"
     SUBSTITUTED = "substituted"
     STARTING = "starting"
     LOST = "lost"
@@ -80,7 +79,7 @@ def _condition(board: Board, publishers: List[Publisher]) -> Tuple[Condition, st
     rows = {each.name: board.substitution(each) for each in healthy}
     own = [name for name, row in rows.items() if row is None or not row.service]
     if own and any(each.connected for each in failed):
-        return Condition.DISTURBED, told
+        return Condition.DOUBTFUL, told
     if own:
         return Condition.HEALTHY, "healthy"
     if healthy:

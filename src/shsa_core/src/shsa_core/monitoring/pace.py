@@ -64,13 +64,12 @@ class Pace:
 
         What lies back lies as far back as the publisher's clock says.
         """
-        return [self._ours(each) for each in commands] if self.simulated else commands
-
-    def _ours(self, command: Command) -> Command:
-        if not isinstance(command, HealthChanged):
-            return command
-        rows, failed = self.rows(command.rows), self.rows(command.failed)
-        return replace(command, time=self._now, rows=rows, failed=failed)
+        return [
+            replace(each, time=self._now, rows=self.rows(each.rows), failed=self.rows(each.failed))
+            if isinstance(each, HealthChanged)
+            else each
+            for each in commands
+        ]
 
     def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
         """Return rows of the table at our time again."""

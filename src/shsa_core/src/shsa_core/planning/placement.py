@@ -2,9 +2,9 @@
 
 Section IV-A of the paper: a substitute may run on dedicated hardware.
 """
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Callable, Collection, Dict, Iterable, List, Tuple
+from typing import Callable, Collection, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
@@ -13,7 +13,7 @@ from shsa_core.model.cost import Cost, cost, traffic
 from shsa_core.model.host import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.planning.settings import CERTAIN_S, MISSED_S, STRAINED
+from shsa_core.planning.settings import CERTAIN_S, STRAINED
 
 OWN = "the reconfigurator's computer"
 
@@ -104,29 +104,22 @@ class Computers:
     def seen(self, time: float, host: str, busy: float, cores: float, link: float = 0.0) -> bool:
         """Note that a computer is there. Returns that it was not before, or was cut off."""
         host = self.name(host)
-        computer = self._known.get(host)
-        if computer is None:
-            self._known[host] = Computer(time, busy, cores, link, time, time)
-            self.settling.set(host, time + CERTAIN_S)
-            return True
-        back = bool(computer.detail)
-        if back:
+        computer = self._known.setdefault(host, Computer())
+        if computer.detail:
             computer.counts = time + self._hold_off(computer.losses - 1)
-            self.settling.set(host, max(computer.counts, time + CERTAIN_S))
-        back = back or time - computer.heard > MISSED_S
-        computer.heard, computer.busy, computer.cores, computer.link = time, busy, cores, link
-        computer.detail = ""
+        back = bool(computer.detail) or time - computer.heard > CERTAIN_S
         if back:
             computer.steady = time
+            self.settling.set(host, max(computer.counts, time + CERTAIN_S))
+        computer.heard, computer.busy, computer.cores, computer.link = time, busy, cores, link
+        computer.detail = ""
         return back
 
     def lose(self, host: str, time: float, why: str) -> bool:
         """Note that a computer is not heard any more. Returns that this is new."""
         host = self.name(host)
-        if host == "":
-            return False
-        computer = self._known.setdefault(host, replace(UNKNOWN, steady=time))
-        if computer.detail:
+        computer = self._known.setdefault(host, Computer(steady=time))
+        if host == "" or computer.detail:
             return False
         calm = time - computer.steady > self._calm
         computer.losses = 1 if calm else computer.losses + 1
@@ -179,9 +172,7 @@ class Placement:
         lately: Callable[[str, float], Iterable[Cost]],
         som: Callable[[], Som],
     ) -> None:
-        self._computers = computers
-        self._lately = lately
-        self._som = som
+        self._computers, self._lately, self._som = computers, lately, som
 
     def place(
         self,
@@ -201,17 +192,17 @@ class Placement:
             return HERE
         passed_over: List[str] = []
         order = self._order(time, service, inputs)
-        costs = {host: self._cost(inputs, service, host) for host in order}
+        why_not = lambda host, said: self._no_room(host, inputs, service, said)
         for host in sorted(order, key=lambda each: each != ready):
-            if host in idle and not self._no_room(host, costs[host], self._said(host)):
+            if host in idle and not why_not(host, True):
                 return Place(host)
         for host in order:
-            why = self._no_room(host, costs[host], self._limits(host))
+            why = why_not(host, False)
             if not why:
                 return Place(host, tuple(passed_over))
             passed_over.append(f"{host or OWN} has no room: {why}")
         for host in order:
-            if not self._no_room(host, costs[host], self._said(host)):
+            if not why_not(host, True):
                 return Place(host, tuple(passed_over))
         reasons = "; ".join(passed_over) or self._none_there(time, service)
         raise NoRoom(f"no computer can run the substitute: {reasons}")
@@ -221,10 +212,9 @@ class Placement:
 
         The first that the limits of the SOM allow: what is busy for a while moves no process.
         """
-        for host in self._order(time, service, inputs) if self._som().hosts else ():
-            if not self._no_room(host, self._cost(inputs, service, host), self._said(host)):
-                return host
-        return ""
+        order = self._order(time, service, inputs) if self._som().hosts else []
+        fit = (host for host in order if not self._no_room(host, inputs, service, True))
+        return next(fit, "")
 
     def allowed(self, service: Service, host: str) -> bool:
         """Tell that a substitute of a service may be on a computer, as the SOM is now."""
@@ -246,7 +236,8 @@ class Placement:
         def rank(host: str) -> Tuple[int, float, bool, float, str]:
             place = preferred.index(host) if host in preferred else len(preferred)
             beside = near.get(host, 0.0)
-            return place, -beside, host != "" and not beside, self._busy(host), host
+            busy = computers.of(host).busy / (self._cores(host) or inf)
+            return place, -beside, host != "" and not beside, busy, host
 
         return sorted((each for each in there if self.allowed(service, each)), key=rank)
 
@@ -256,33 +247,31 @@ class Placement:
         named = {each.service.name: each.service for each in plan.inputs}
         return [services.get(name, each) for name, each in named.items()]
 
-    def _cost(self, inputs: List[Service], service: Service, host: str) -> Cost:
-        return cost(inputs, service, {host, self._computers.in_som(host)})
-
     def _said(self, host: str) -> Host:
         """Return the limits of a computer that the SOM says."""
         return self._som().hosts.get(self._computers.in_som(host), Host(host))
 
-    def _limits(self, host: str) -> Host:
-        """Return the computer's cores, as the SOM says or else it itself, and its link."""
-        known = self._said(host)
-        told = self._computers.of(host).cores or None
-        return Host(host, told if known.cores is None else known.cores, known.link)
+    def _cores(self, host: str) -> Optional[float]:
+        """Return the cores of a computer, as the SOM says or else it itself; None: not known."""
+        said = self._said(host).cores
+        return self._computers.of(host).cores or None if said is None else said
 
-    def _busy(self, host: str) -> float:
-        """Return the share of a computer's cores that is busy; 0: not known."""
-        cores = self._limits(host).cores
-        return 0.0 if cores is None else self._computers.of(host).busy / cores
-
-    def _no_room(self, host: str, takes: Cost, limits: Host) -> str:
-        """Return why a substitute does not fit; empty: it does, or nothing is known against it."""
-        computer = self._computers.of(host)
+    def _no_room(self, host: str, inputs: List[Service], service: Service, said: bool) -> str:
+        """Return why a substitute does not fit, `said`: by the SOM's limits; empty: it does."""
+        computer, limits = self._computers.of(host), self._said(host)
         if computer.heard == -inf:
             return ""
+        takes = cost(inputs, service, {host, self._computers.in_som(host)})
         lately = list(self._lately(host, computer.heard))
         cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)
         for what, limit, busy, more, needed in (
-            ("cores", limits.cores, computer.busy, cores, takes.cores),
+            (
+                "cores",
+                limits.cores if said else self._cores(host),
+                computer.busy,
+                cores,
+                takes.cores,
+            ),
             ("bytes/s", limits.link, computer.link, link, takes.link),
         ):
             total = busy + more + needed

@@ -1,6 +1,8 @@
 """The plans that are made before they are needed."""
 from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
 
+import networkx as nx
+
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
@@ -34,16 +36,9 @@ class PlanTable:
         self._publishers: Dict[str, str] = {}  # the node that published a service last
         self._answers: Dict[str, Union[Plan, ShsaError]] = {}
         self._avoided: Dict[str, FrozenSet[str]] = {}  # the nodes that an answer does without
-        self._made: Dict[str, int] = {}  # when an answer was made, the latest last
-        self._gone: Dict[str, Tuple[int, Service]] = {}  # when a service went
-        self._moment = 0
+        # Services that went, and whose answers were made since.
+        self._gone: Dict[str, Tuple[Service, Set[str]]] = {}
         self._readers: Dict[str, Set[str]] = {}  # the services whose plan reads a service
-        self._of_property: Dict[int, Set[str]] = {}  # the needed services of a property
-        self._users: Dict[int, List[int]] = {}  # the properties that are derived from a property
-        network = ontology.network
-        for function, output in enumerate(network.outputs):
-            for input_ in network.inputs[function]:
-                self._users.setdefault(input_, []).append(output)
         for service in needed:
             self.serve(service)
 
@@ -57,38 +52,28 @@ class PlanTable:
         self.forget(service.name)
         self._needed[service.name] = service
         self._stale[service.name] = None
-        for name in service.properties:
-            number = self._ontology.network.number(name)
-            self._of_property.setdefault(number, set()).add(service.name)
 
     def forget(self, name: str) -> None:
         """Make no more plans for a service."""
         self.drop(name)
         self._stale.pop(name, None)
-        old = self._needed.pop(name, None)
-        for property_ in old.properties if old else ():
-            self._of_property[self._ontology.network.number(property_)].discard(name)
+        self._needed.pop(name, None)
 
     def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
         """Note that some services are available no more, and some are now."""
         gone, come = tuple(gone), tuple(come)
-        for service in gone:
-            for source in service.readable:
-                self.sources.discard(source)
-        for service in come:
-            self._publishers[service.name] = service.node
-            for source in service.readable:
-                self.sources.add(source)
-        for service in gone:
-            for name in sorted(self._readers.get(service.name, ())):
-                self.drop(name)
-        for name in self._improved(come):
+        for source in (each for service in gone for each in service.readable):
+            self.sources.discard(source)
+        for source in (each for service in come for each in service.readable):
+            self.sources.add(source)
+        self._publishers.update({service.name: service.node for service in come})
+        read = {name for service in gone for name in self._readers.get(service.name, ())}
+        for name in (*sorted(read), *self._improved(come)):
             self.drop(name)
-        self._gone.update({service.name: (self._moment, service) for service in gone})
-        for service in come:
-            if service.name in self._answers:
-                if self.to_avoid(service.name) != self._avoided[service.name]:
-                    self.drop(service.name)
+        self._gone.update({service.name: (service, set()) for service in gone})
+        for name in (each.name for each in come):
+            if name in self._answers and self.to_avoid(name) != self._avoided[name]:
+                self.drop(name)
 
     def step(self) -> Optional[str]:
         """Make one answer anew. Returns its service, None if all are there."""
@@ -96,21 +81,18 @@ class PlanTable:
         if name is None:
             return None
         del self._stale[name]
-        avoided = self.to_avoid(name)
+        avoided, service = self.to_avoid(name), self._needed[name]
         try:
-            service, predictor = self._needed[name], self._predictor(name)
             question = self._ontology, service, self.sources, avoided, self._method
-            plan = plan_service(*question, predictor=predictor)
-        except ShsaError as error:
-            self._answers[name] = error
-        else:
+            plan = plan_service(*question, predictor=self._predictor(name))
             self._answers[name] = plan
             for source in plan.inputs:
                 self._readers.setdefault(source.service.name, set()).add(name)
+        except ShsaError as error:
+            self._answers[name] = error
         self._avoided[name] = avoided
-        self._moment += 1
-        self._made.pop(name, None)
-        self._made[name] = self._moment
+        for _, made in self._gone.values():
+            made.add(name)
         return name
 
     def plan(self, name: str) -> Optional[Plan]:
@@ -129,42 +111,24 @@ class PlanTable:
         return frozenset(nodes - {""})
 
     def _improved(self, come: Iterable[Service]) -> List[str]:
-        """Return the needed services that may have a better plan now.
-
-        A service that is back as it was concerns only those whose plan was made without it.
-        """
-        found: List[str] = []
-        new: List[Service] = []
+        """Return the services whose answer may be a better plan now."""
+        graph, found = self._ontology.graph, set()
+        reached: Set[str] = set()  # the properties that are derived from what has come
         for service in come:
-            moment, before = self._gone.pop(service.name, (0, None))
-            if before != service:
-                new.append(service)
+            gone = self._gone.pop(service.name, None)
+            if gone and gone[0] == service:  # then it concerns only whose plan was made meanwhile
+                found |= gone[1]
                 continue
-            for name, made in reversed(self._made.items()):
-                if made <= moment:
-                    break
-                found.append(name)
-        return found + self._derived_from(new)
-
-    def _derived_from(self, services: Iterable[Service]) -> List[str]:
-        """Return the needed services of properties that are derived from what services provide."""
-        numbers = [self._ontology.network.number(p) for s in services for p in s.properties]
-        stack = list(dict.fromkeys(numbers))
-        seen = set(stack)
-        found: Dict[str, None] = {}
-        while stack:
-            number = stack.pop()
-            found.update(dict.fromkeys(sorted(self._of_property.get(number, ()))))
-            for output in self._users.get(number, ()):
-                if output not in seen:
-                    seen.add(output)
-                    stack.append(output)
-        return list(found)
+            for name in set(service.properties) - reached if self._answers else ():
+                reached |= {name, *(nx.descendants(graph, name) if name in graph else ())}
+        for name in self._answers if reached else ():
+            if not reached.isdisjoint(self._needed[name].properties):
+                found.add(name)
+        return sorted(found)
 
     def drop(self, name: str) -> None:
         """Make the answer for a service anew, if there is one."""
         answer = self._answers.pop(name, None)
-        self._made.pop(name, None)
         if answer is not None:
             self._stale[name] = None
         if isinstance(answer, Plan):

@@ -53,7 +53,7 @@ class Calibrations:
             return False
         if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
             return False
-        self._measure(row)
+        self._measure(row, 0 if healing else ENOUGH)
         if not healing:
             self._known.setdefault(row.service, {})[row.program] = row.calibrations
             return True
@@ -64,11 +64,11 @@ class Calibrations:
         self._known.setdefault(row.service, {})[row.program] = frozen
         return frozen != known
 
-    def _measure(self, row: CalibrationRow) -> None:
+    def _measure(self, row: CalibrationRow, enough: int) -> None:
         """Note what is measured, where it changes much: plans are not to change all the time."""
         measured = self.measured.setdefault(row.service, {})
         for way, error in zip(ways_of(row.program), (each.error for each in row.calibrations)):
-            if error is None or (error.n or 0) < ENOUGH:
+            if error is None or (error.n or 0) < enough:
                 continue
             former = measured.get(way)
             if former is None or abs(error.rms - former.rms) > CHANGED * former.rms:
@@ -140,8 +140,6 @@ class Planner:
         self._method, self._deadlines, self._available = method, deadlines, available
         self._predictor: Optional[Predictor] = None
         self._predicts_for: Optional[Som] = None
-        self._answered: Tuple[object, ...] = (None,) * 3
-        self._answer: Tuple[Signal, ...] = ()
         self.load(ontology, som)
 
     def load(self, ontology: Ontology, som: Som) -> None:
@@ -170,17 +168,14 @@ class Planner:
             self.plans.drop(self.calibrations.replan.pop())
 
     def recall(self, service: Service, row: Substitution) -> Optional[Plan]:
-        """Return the plan that a row of the table carries out, by the models as they are now.
-
-        None: it is none of the best, or none at all.
-        """
+        """Return the plan that a row carries out; None: it is none of the best ones now."""
         program = program_of(row)
         safe = safe_values(service)
         if safe is not None and safe.program == program:
             return safe
         tried: List[Plan] = []
         with suppress(ShsaError):
-            for _ in range(RECALLED):
+            while len(tried) < RECALLED:
                 plan = self.plan(service, (), tried)
                 if plan.program == program:
                     return plan
@@ -191,17 +186,13 @@ class Planner:
         self, service: Service, excluded: Collection[str], tried: Collection[Plan] = ()
     ) -> bool:
         """Tell that a substitute could take all of a service over without some nodes."""
-        if not service.policy.substitutes or self.plans.hopeless(service.name, excluded):
-            return False
-        with suppress(ShsaError):
-            return not self.plan(service, excluded, tried).left_out
+        if service.policy.substitutes and not self.plans.hopeless(service.name, excluded):
+            with suppress(ShsaError):
+                return not self.plan(service, excluded, tried).left_out
         return False
 
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
-        """Return the best plan for a service without some nodes, but for those tried.
-
-        Raises ShsaError.
-        """
+        """Return the best plan without some nodes, but for those tried. Raises ShsaError."""
         ready = self.plans.plan(service.name)
         if ready is not None and ready not in tried and self.usable(ready, excluded):
             return ready
@@ -215,12 +206,8 @@ class Planner:
 
     def usable(self, plan: Plan, excluded: Collection[str] = ()) -> bool:
         """Tell that all that a plan reads is available, from the nodes that it was made for."""
-        services, excluded = self._available, set(excluded)
-        return all(
-            source.service.name in services
-            and excluded.isdisjoint(services[source.service.name].causes)
-            for source in plan.inputs
-        )
+        read, excluded = [self._available.get(e.service.name) for e in plan.inputs], set(excluded)
+        return all(each is not None and excluded.isdisjoint(each.causes) for each in read)
 
     def row(self, service: Service, plan: Optional[Plan], **more: Any) -> Substitution:
         """Return a row of the table of substitutions; `plan`: what is followed, as far as known."""
@@ -228,7 +215,9 @@ class Planner:
         if plan is None:
             outputs = self.signals(service.sources, written=True)
             return Substitution(inputs=(), code="", outputs=outputs, **more)
-        more.update(relations=plan.relations, quality=plan.quality, inputs=self.inputs(plan))
+        more.update(
+            relations=plan.relations, quality=plan.quality, inputs=self.signals(plan.inputs)
+        )
         return Substitution(code=plan.program.code, outputs=self.outputs(plan), **more)
 
     def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
@@ -246,22 +235,11 @@ class Planner:
             "errors": tuple([each.error for each in outputs]),
         }
 
-    def inputs(self, plan: Plan) -> Tuple[Signal, ...]:
-        """Return what the program of a plan reads."""
-        return self.signals(plan.inputs)
-
     def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
-        """Return what the program of a plan gives; a takeover asks it of one plan several times."""
-        known = self.calibrations.of(plan.service, plan.program)
-        asked = (plan, self.som, known)
-        if any(each is not former for each, former in zip(asked, self._answered)):
-            self._answered, self._answer = asked, self._outputs(plan, known)
-        return self._answer
-
-    def _outputs(self, plan: Plan, known: Calibrated) -> Tuple[Signal, ...]:
-        """Return it with gain, offset and error as the living sensor has shown."""
+        """Return what its program gives, with gain, offset and error as the living sensor shows."""
         signals = self.signals(plan.outputs, written=True)
         found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
+        known = self.calibrations.of(plan.service, plan.program)
         for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
             if source.provision.calibrate:
                 gain, offset, error = calibration.gain, calibration.offset, calibration.error

@@ -45,24 +45,23 @@ class Pool:
     @property
     def deadline(self) -> Optional[float]:
         """Return when one more process is due, in s; None: none is."""
-        return min((self._refill_at.get(host, -inf) for host in self._lacking()), default=None)
+        return min(self._lacking().values(), default=None)
 
     def due(self, time: float) -> Optional[str]:
         """Return a computer on which one more process is due; None: on none."""
-        lacking = self._lacking()
-        return next((host for host in lacking if self._refill_at.get(host, -inf) <= time), None)
+        return next((host for host, due in self._lacking().items() if due <= time), None)
 
-    def _lacking(self) -> List[str]:
-        """Return the computers that warm services are placed on, and that have too few."""
+    def _lacking(self) -> Dict[str, float]:
+        """Return when the computers that warm services are placed on, and lack one, get one."""
         running = [each.host for each in self.processes.values()]
-        return [host for host in sorted(self._wanted) if running.count(host) < self._size]
+        lacking = (host for host in sorted(self._wanted) if running.count(host) < self._size)
+        return {host: self._refill_at.get(host, -inf) for host in lacking}
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
-        idle, wanted = self.processes.values(), self._wanted
-        unwanted = (each for each in idle if wanted and each.host not in wanted)
-        lost = (each for each in idle if computers.lost(each.host))
-        return list(dict.fromkeys(each.node for each in (*unwanted, *lost)))
+        wanted = self._wanted
+        left = lambda host: (wanted and host not in wanted) or computers.lost(host)
+        return [each.node for each in self.processes.values() if left(each.host)]
 
     def spare(self, host: str, speak: Container[str] = ()) -> Optional[IdleProcess]:
         """Return a process on a computer to set to work, rather one that was heard already.

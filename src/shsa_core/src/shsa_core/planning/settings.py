@@ -1,9 +1,9 @@
 """The numbers by which plans are made and placed; times in s."""
 
-# That a computer is heard until a node's silence is the node's own. Computers come one after the
-# other: then what stands by is placed anew.
+# That a computer is heard until a node's silence is the node's own; who was not heard for so long
+# was cut off, though nobody said so. Computers come one after the other: then what stands by is
+# placed anew.
 CERTAIN_S = 2.0
-MISSED_S = 1.5  # a computer that was not heard for so long was cut off, though nobody said so
 STRAINED = 0.9  # of its cores busy: more makes well nodes slow
 
 STEPS = 10_000  # functions that are looked at while something has failed

@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
-from shsa_core.hosts.conversation import HostState
+from shsa_core.hosts.conversation import RemoteHost
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.service import Service
 from shsa_core.monitoring.evidence import checked_provisions
@@ -179,7 +179,7 @@ def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]
 
 Duties = Mapping[str, Tuple[str, ...]]
 Healing = Tuple[
-    Iterable[Service], Mapping[str, Incident], MasterState, Iterable[HostState], Duties, bool
+    Iterable[Service], Mapping[str, Incident], MasterState, Iterable[RemoteHost], Duties, bool
 ]
 """Needed services, open incidents, how master and computers do, what nodes do beyond the SOM,
 and whether the robot is maintained.
@@ -194,19 +194,19 @@ def healing_rows(given: Healing) -> List[DiagnosticStatus]:
     return [*rows, _row(MAINTENANCE, *told), _master_row(master), *map(_host_row, hosts)]
 
 
-def _host_row(host: HostState) -> DiagnosticStatus:
+def _host_row(host: RemoteHost) -> DiagnosticStatus:
     name, seen = f"host {host.name}", host.seen
     if seen is None:
         return _row(name, WARN, "its agent was not heard yet")
     level, text = OK, f"{seen.load:.1f} of {seen.cores:g} cores are busy"
-    if not host.reached:
-        level, text = ERROR, f"it cannot be reached, for {host.silent:.1f} s"
+    if not host.is_reached:
+        level, text = ERROR, f"it cannot be reached, for {host.silence:.1f} s"
     values = {
         "busy cores": f"{seen.load:.2f}",
         "cores": f"{seen.cores:g}",
         "sent": f"{seen.sent:.0f} bytes/s",
         "received": f"{seen.received:.0f} bytes/s",
-        "silent": f"{host.silent:.1f} s",
+        "silent": f"{host.silence:.1f} s",
     }
     return _row(name, level, text, values.items())
 

@@ -74,7 +74,7 @@ class Inputs:
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something that matters."""
         waits = self._hurries and self._subscriptions.waits
-        self._inbox.wait(min(timeout, settings.SOON_S) if waits else timeout)
+        self._inbox.wait(min(timeout, settings.TICK_S) if waits else timeout)
 
     def take(self, reads: bool) -> List[Event]:
         """Return what has come so far, in order; inputs that were kept only if it `reads` now.

@@ -41,7 +41,6 @@ from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.master_watch import MasterWatch, State
 from shsa_core.ros.processes.starting import Setup
-from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
@@ -81,7 +80,7 @@ class ReconfiguratorNode:
             "settings": settings,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
-            "restarts": may_restart(arguments.restart_as_root),
+            "restarts": arguments.restart_as_root or os.geteuid() != 0,
             "host": arguments.host,
         }
         if not setup["restarts"]:
@@ -107,7 +106,8 @@ class ReconfiguratorNode:
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
         self._local = LocalHost(self._told, signs, how)
-        self._hosts = AllHosts(self._local, signing, self._told, arguments.host)
+        host_of = self._core.robot.host_of
+        self._hosts = AllHosts(self._local.carry_out, signing, self._told, host_of, arguments.host)
         self._asked: Dict[str, float] = {}
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
@@ -159,7 +159,9 @@ class ReconfiguratorNode:
         self._records = heritage.file
         if maintained(rospy.get_namespace()):  # known before anything is started
             self._heed_maintenance()
-        self._decide(replace(heritage.started, preparing=self._local.substitutes.forks))
+        self._decide(
+            replace(heritage.started, preparing=self._local.substitutes.forking is not None)
+        )
         self._substitutions.open()
         self._som_state.open()
         put_som(som)
@@ -204,14 +206,14 @@ class ReconfiguratorNode:
 
     def _stop_elsewhere(self, _: str) -> None:
         """Agents are told while our topics are open; with one computer nobody is waited for."""
-        if self._spins and self._hosts.names and not self._followed():
+        if self._spins and self._hosts.remote and not self._followed():
             self._queue.put(self._stop_all)
             self._stopped.wait(settings.ANSWER_S)
 
     def _stop_all(self) -> None:
         if self._stopped.is_set():
             return
-        for node in self._local.restarts.left_alone():
+        for node in self._local.restarts.abandoned(ending=True):
             self._handle(events.StarterEnded(clock.now(), node))
         self._handle(events.ShuttingDown(clock.now()))
         self._local.await_stops()
@@ -370,7 +372,7 @@ class ReconfiguratorNode:
         self._heed_maintenance()
         core, found, listed = self._core, self._incidents.open(), self._listed[1]
         open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
-        done = self._core.needed(), open_, self._master.told(), self._hosts.told(), listed
+        done = self._core.needed(), open_, self._master.told(), self._hosts.remote, listed
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:

@@ -5,14 +5,16 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 
 # Turns: how long a thread that handles events waits at most.
 TURN_S = 0.1
-"""No longer between two looks at the clock: it bounds how late a message is known to have come."""
+"""No longer between two looks at the clock: it bounds how late a message is known to have come. As
+often a process, and an agent, gives a sign of life: a heartbeat."""
 
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
 handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
 on this computer has refused a call, or dropped it, by then."""
-SOON_S = 0.02
-"""Between two looks at what wakes nobody: processes that end, messages that wait to matter."""
+TICK_S = 0.05
+"""Between two looks at what wakes nobody: processes that end or are silent, here and on other
+computers, and messages that wait to matter."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
@@ -75,14 +77,11 @@ LOG_LINES = 1000
 """So many lines wait at most; what is said beyond is lost."""
 
 # Signs of life.
-TICK_S = 0.05
-"""Between two looks for silent processes, here and on other computers."""
-HEARTBEAT_S = 0.1
-"""Between two signs of life, of a process and of an agent."""
 HUNG_BEATS = 15
 """A substitute that gave no sign of life for so many heartbeats is ended."""
-STARVED_S = 15.0
-"""A process that waits for a processor may be silent for so long: then another one is needed."""
+STARVED = 10
+"""A process that waits for a processor may be silent for so many times as long: then another one is
+needed."""
 HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
 """The same of a healer that is ended by the other; they differ: one of both stays."""
 

@@ -2,10 +2,9 @@
 import os
 import sys
 import threading
-import time
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
-from typing import Callable, Iterable, Iterator, List, Optional, Set, Tuple, Union
+from typing import Callable, Iterable, Iterator, List, Optional, Sequence, Set, Tuple, Union
 
 import rospy
 from shsa_msgs import msg
@@ -87,10 +86,7 @@ class SubstituteNode:
                 ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
-                events.Remind: lambda c: self._call(
-                    f"telling the subscribers of {', '.join(c.topics)} who publishes them",
-                    lambda: announce.remind(c.topics, self._outputs.connected),
-                ),
+                events.Remind: lambda c: self._calls.put(partial(self._remind, c.topics)),
                 events.LookAtOriginal: self._look_at_original,
                 events.LookAtOthers: self._look_at_others,
                 events.TakeOver: self._take_over,
@@ -135,8 +131,7 @@ class SubstituteNode:
                 self._feed(event)
             self._inputs.hurry(self._core.hurries)
             if self._clock.now() >= self._core.next_deadline:
-                unheard = time.monotonic() - self._heart.answered
-                self._feed(events.Tick(self._clock.now(), unheard))
+                self._feed(events.Tick(self._clock.now(), self._heart.unheard))
 
     def _feed(self, event: events.Event) -> None:
         for command in self._answer(event):
@@ -206,14 +201,12 @@ class SubstituteNode:
             topic = command.outputs[0].topic
             rospy.logwarn_throttle_identical(10.0, f"{self._name}: {topic}: {error}")
 
-    def _call(self, what: str, call: Callable[[], None]) -> None:
-        def guarded() -> None:
-            try:
-                call()
-            except FAILURES as error:
-                rospy.logwarn("%s: %s: %s", self._name, what, error)
-
-        self._calls.put(guarded)
+    def _remind(self, topics: Sequence[str]) -> None:
+        try:
+            announce.remind(topics, self._outputs.connected)
+        except FAILURES as error:
+            text = "%s: telling the subscribers of %s who publishes them: %s"
+            rospy.logwarn(text, self._name, ", ".join(topics), error)
 
     def _look_at_original(self, look: events.LookAtOriginal) -> None:
         def call() -> None:

@@ -5,7 +5,8 @@ the reconfigurator and the boot, and needs no ROS master.
 """
 import os
 import re
-from typing import Any, Collection, List, NamedTuple, Set, Tuple
+from contextlib import suppress
+from typing import Collection, NamedTuple, Set, Tuple
 
 import rospkg
 import rospy
@@ -15,7 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.files.trust import written_by_others
 from shsa_core.healing import events
 from shsa_core.analysis.duties import subscribers_of
-from shsa_core.healing.records import Record, RestartedNode, of_this_robot
+from shsa_core.healing.records import Record, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.model.som import Som
@@ -45,16 +46,9 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
     former = _read(path)
     running = [*host.take_up(), *elsewhere]
-    records: Tuple[Any, ...] = former.records
-    if former.owner.get("boot") != owner["boot"]:
-        records = of_this_robot(records, False, ())  # its moments are of another clock
-    records = of_this_robot(records, former.owner.get("run") == owner["run"], running)
-    # What was started again on this computer is told by its mark, and not by a record.
-    records = tuple(
-        each for each in records if not isinstance(each, RestartedNode) or each.node in elsewhere
-    )
-    for node in host.restarts.children.running():
-        records += (RestartedNode(node, host.restarts.is_with_us(node)),)
+    same_boot = former.owner.get("boot") == owner["boot"]  # moments of another: of another clock
+    runs = running if same_boot else ()
+    records = of_this_robot(former.records, former.owner == owner, runs)
     publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
     nodes = {node for _, node in publishers}
     started = events.Started(
@@ -69,15 +63,14 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
 
 def _sorted_out(host: LocalHost, nodes: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
     """Return the nodes with a substitute's name: those that are dead; strangers."""
-    dead: List[str] = []
-    strangers: List[str] = []
-    for node in sorted(each for each in nodes if each.startswith(host.prefix)):
-        try:
+    named = sorted(each for each in nodes if each.startswith(host.prefix))
+    dead = []
+    for node in named:
+        with suppress(*FAILURES):  # nobody knows it
             known = host.nodes.look(node)
-        except FAILURES:
-            known = None  # nobody knows it
-        (dead if known is not None and known.dead else strangers).append(node)
-    return tuple(dead), tuple(strangers)
+            if known is not None and known.dead:
+                dead.append(node)
+    return tuple(dead), tuple(each for each in named if each not in dead)
 
 
 def _read(path: str) -> Former:
@@ -86,20 +79,16 @@ def _read(path: str) -> Former:
         return read_records(path, CODEC)
     except ShsaError as error:
         rospy.logerr("Refused: %s. Healing begins without these records.", error)
-        try:
+        with suppress(OSError):  # then they are overwritten
             os.replace(path, path + ".refused")
-        except OSError as problem:
-            rospy.logerr("%s cannot be put aside: %s", path, problem)
         return Former({}, ())
 
 
 def record_path(namespace: str, kind: str = "records") -> str:
     """Return a file of this master and namespace, in a folder that is made if it is not there."""
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
-    try:
+    with suppress(OSError):  # who writes into it says so
         os.makedirs(folder, 0o700, exist_ok=True)
-    except OSError as error:
-        rospy.logerr("%s cannot be made: %s", folder, error)
     name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{master_place()}/{namespace}").strip("-")
     return os.path.join(folder, f"{name}.{kind}")
 

@@ -1,6 +1,7 @@
 """Composes a substitute's messages: what it does not compute, as consumers accept it."""
 import math
 import re
+from functools import reduce
 from typing import Any, Dict, Iterator, Mapping, Optional, Tuple
 
 from shsa_core.model.field_type import FLOATS
@@ -82,15 +83,12 @@ class _Marking:
         return self._number(value, mark)
 
     def _number(self, value: float, mark: Mark) -> float:
-        if mark is Mark.SETTING:
-            return value if self._has_last else math.nan
-        if mark is Mark.ZERO or self._others is Others.ZERO:
+        if mark is Mark.ZERO or (self._others is Others.ZERO and mark is not Mark.SETTING):
             return type(value)()
         if mark is Mark.HELD:
             return value if math.isfinite(value) else 0.0
-        if mark is Mark.HELD_OR_NAN:
-            return value if self._has_last else math.nan
-        return math.nan
+        held = self._has_last and mark in (Mark.SETTING, Mark.HELD_OR_NAN)
+        return value if held else math.nan
 
     def _fill(self, message: Any, path: str, covariance: Covariance) -> None:
         """Write the variances of what is computed, where known; of the rest, that it is not."""
@@ -111,10 +109,7 @@ class _Marking:
             if flag.unless and all(_join(path, name) in self._written for name in flag.unless):
                 continue
             *owners, last = flag.field.split(".")
-            owner = message
-            for name in owners:
-                owner = getattr(owner, name)
-            setattr(owner, last, flag.value)
+            setattr(reduce(getattr, owners, message), last, flag.value)
 
 
 def _unlock(message: Any) -> None:

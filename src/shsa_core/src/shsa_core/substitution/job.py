@@ -7,7 +7,6 @@ from shsa_core.errors import ShsaError
 from shsa_core.language.memory import longest_gap
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
-from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Log
 from shsa_core.substitution import settings
@@ -16,7 +15,7 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
 
 class Schedule:
-    """Due once a period, the first time at once; without a period, only when it is hastened.
+    """Due once a period, the first time at once; without a period, when it begins.
 
     What is due stays due until it is `done`: nothing is lost, and nothing is done twice.
     """
@@ -29,11 +28,6 @@ class Schedule:
     def begin(self, moment: float) -> None:
         """Be due at `moment`; what was due before and not done is no slot that was lost."""
         self.due = self._slot = moment
-
-    def hasten(self, moment: float) -> None:
-        """Be due at `moment`, unless it is due sooner anyway."""
-        if moment < self.due:
-            self.begin(moment)
 
     def done(self, now: float) -> None:
         """Be due a period later, in phase, and never sooner than half a period from now.
@@ -63,13 +57,11 @@ class Job:
         gap = longest_gap(self.period)
         program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
         self._program = program
-        self.unstarted = {
-            signal.field for signal, sum_ in zip(row.outputs, program.integrals) if sum_ is not None
-        }
+        by_hand = row.publishing and not row.service  # then from 0, as documented
+        sums = () if by_hand else zip(row.outputs, program.integrals)
+        self.unstarted = {signal.field for signal, sum_ in sums if sum_ is not None}
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
-        if not row.service and row.publishing:
-            self.unstarted.clear()  # somebody started it by hand: from 0, as documented
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None
         self._stepped = self._rests_until = -math.inf
@@ -195,11 +187,11 @@ def words(row: Substitution) -> Words:
 
     The signals' periods, deadlines, gains and offsets are no part of it.
     """
-
-    def names(signals: Tuple[Signal, ...]) -> Tuple[Tuple[str, ...], ...]:
-        return tuple((each.topic, each.field, each.type, each.node) for each in signals)
-
-    return names(row.inputs), row.code, names(row.outputs)
+    inputs, outputs = (
+        tuple((each.topic, each.field, each.type, each.node) for each in signals)
+        for signals in (row.inputs, row.outputs)
+    )
+    return inputs, row.code, outputs
 
 
 class Stamps:

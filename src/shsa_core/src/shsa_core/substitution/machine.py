@@ -1,7 +1,7 @@
 """The substitute's core: what it computes, when it publishes, and to whom."""
 import math
 from dataclasses import replace
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.errors import ShsaError
@@ -38,7 +38,6 @@ class Substitute:
         self._handover = Handover()
         self._others = others = OtherPublishers(self._sources)
         self._alone = Alone()
-        self._overheard: Set[str] = set()
         self._composed: Optional[events.Compose] = None
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
@@ -172,9 +171,9 @@ class Substitute:
         plans = self._plans.values()
         commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
         job = self._job
+        before = others.topic
         others.follow(row, "" if job is None else job.topic, job is not None and not job.integrates)
-        if others.topic not in self._overheard | {""}:
-            self._overheard.add(others.topic)
+        if others.topic not in ("", before):
             commands.append(events.Overhear(others.topic, self._types[others.topic]))
         self._take_up_voice(by_row=True)
         if last is not None and job is not None:
@@ -345,7 +344,7 @@ class Substitute:
         job = self._job
         if job is not None and job.period is None:
             if any(signal.topic == event.topic for signal in job.inputs):
-                job.schedule.hasten(self._now)
+                job.schedule.begin(self._now)
 
     def _values(self) -> Optional[Tuple[float, ...]]:
         """Return the inputs now; None without a program, and while one is missing or stale."""

@@ -2,21 +2,13 @@
 import math
 from collections import defaultdict
 from dataclasses import replace
-from typing import DefaultDict, Dict, Iterable, List, NamedTuple, Union
+from typing import Any, Callable, DefaultDict, Dict, Iterable, List, NamedTuple
 
 from shsa_core.dispatch import Table, table
 from shsa_core.model.log import Level
 from shsa_core.substitution import events
 from shsa_core.substitution.events import Command, Event, Log
 from shsa_core.substitution.machine import Substitute
-
-OfTopic = Union[
-    events.InputArrived,
-    events.Advertised,
-    events.ConsumerJoined,
-    events.OtherHeard,
-    events.OtherGone,
-]
 
 
 class _Wants(NamedTuple):
@@ -38,18 +30,19 @@ class Sharing:
         self._cores: Dict[str, Substitute] = {}
         self._wants: Dict[str, _Wants] = {}
         self._concerned: DefaultDict[str, Dict[str, None]] = defaultdict(dict)  # by topic
+        of_topic: Callable[[Any], List[Command]] = lambda e: self._tell(e, self._concerned[e.topic])
         self._handlers: Table[List[Command]] = table(
             Event,
             {
                 events.RowChanged: self._row_changed,
                 events.RowRemoved: self._row_removed,
                 events.PlansChanged: lambda event: [],  # nobody here is idle
-                events.InputArrived: self._of_topic,
-                events.Advertised: self._of_topic,
-                events.ConsumerJoined: self._of_topic,
+                events.InputArrived: of_topic,
+                events.Advertised: of_topic,
+                events.ConsumerJoined: of_topic,
                 events.OriginalServes: lambda e: self._tell(e, self._concerned[e.look.topic]),
-                events.OtherHeard: self._of_topic,
-                events.OtherGone: self._of_topic,
+                events.OtherHeard: of_topic,
+                events.OtherGone: of_topic,
                 events.OthersStand: lambda e: self._tell(e, self._concerned[e.look.topic]),
                 events.ReachChanged: self._reach_changed,
                 events.FailureHeard: lambda event: [],
@@ -96,9 +89,6 @@ class Sharing:
         if event.alone and not any(core.publishing for core in self._cores.values()):
             return [events.GiveUp(events.LEFT_ALONE)]
         return self._tell(replace(event, alone=False), self._cores)
-
-    def _of_topic(self, event: OfTopic) -> List[Command]:
-        return self._tell(event, self._concerned[event.topic])
 
     def _tick(self, event: events.Tick) -> List[Command]:
         due = [name for name, wants in self._wants.items() if wants.wake <= event.time]

@@ -9,7 +9,7 @@ import re
 import shlex
 import sys
 import threading
-import time
+from contextlib import suppress
 from typing import Callable
 
 import rospy
@@ -27,7 +27,6 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import Signs, hearer
 from shsa_core.ros.processes.local import LocalHost
-from shsa_core.ros.processes.restarting import may_restart
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
@@ -44,22 +43,20 @@ class AgentNode:
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
-        patience = settings.LOST_BEATS * settings.HEARTBEAT_S
-        self._end = AgentEnd(time.monotonic_ns(), patience)
-        self._load = Load()
+        self._end = AgentEnd(settings.LOST_BEATS * settings.TURN_S)
+        self._load, self._followed = Load(), followed
         self._forgotten = threading.Event()
         topic = names.host_events(self._name)
         self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
-        restarts = may_restart(arguments.restart_as_root)
+        restarts = arguments.restart_as_root or os.geteuid() != 0
         signs = Signs(hearer(self._name), cut_off=self._cut_off)
         how = Setup(prefix, signing.path, *given, forks=True, restarts=restarts)
         self._host = LocalHost(self._tell, signs, how)
         left = self._host.take_up()
         if left:
             rospy.loginfo("Taking up what was left behind: %s.", ", ".join(sorted(left)))
-        self._followed = followed
         topic = names.host_commands(self._name)
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
@@ -73,7 +70,7 @@ class AgentNode:
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
             self._beat()
-            if self._forgotten.wait(settings.HEARTBEAT_S):
+            if self._forgotten.wait(settings.TURN_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
         if not self._followed():
             self._host.stop_all()
@@ -83,30 +80,19 @@ class AgentNode:
             return self._end.session > 0 and not self._end.is_open(clock.now())
 
     def _watch_master(self) -> None:
-        """Look now and then whether the master knows us, if no reconfigurator is heard.
-
-        One that was restarted with the master does not find us, and cannot tell the master of us.
-        """
+        """Look now and then if the master knows us: a reconfigurator that follows must find us."""
         us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
-        while not rospy.is_shutdown() and kernel.started_by_launch(os.getpid()):
+        while not self._forgotten.is_set() and kernel.started_by_launch(os.getpid()):
             rospy.rostime.wallsleep(settings.LOOK_S)
             with self._lock:
                 heard = self._end.is_open(clock.now())
-            try:
-                publishers = {} if heard else dict(master_api().getSystemState()[0])
-            except FAILURES:
-                continue
-            if not heard and us not in publishers.get(topic, ()):
-                self._forgotten.set()
-                return
+            with suppress(*FAILURES):
+                if not heard and us not in dict(master_api().getSystemState()[0]).get(topic, ()):
+                    self._forgotten.set()
 
     def _received(self, message: msg.HostCommand) -> None:
         with self._lock:
-            former = self._end.session
             wanted = self._end.hear(message, clock.now())
-            begun = self._end.session != former
-        if begun:
-            self._beat()
         if wanted:
             try:
                 self._host.carry_out(read(COMMANDS, message.command, rospy.get_name()))
@@ -128,15 +114,12 @@ class AgentNode:
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
         message = msg.HostEvent(
-            began=self._end.began,
             session=self._end.session,
             open=self._end.is_open(clock.now()),
             number=self._end.said,
             heard=self._end.heard,
             event=text,
-            addresses=self._load.addresses,
-            running=self._host.substitutes.children.running(),
-            restarted=self._host.restarts.children.running(),
+            running=self._host.children.running(),
             load=self._load.busy,
             cores=self._load.cores,
             received=self._load.received,

@@ -1,22 +1,21 @@
-"""The robot's computers as one Host: each command goes to its own, by an agent if need be."""
+"""The robot's computers as one: each command goes to its own, by an agent if need be."""
 import threading
-from functools import partial
+from contextlib import suppress
 from typing import Callable, Dict, Iterable, List
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.hosts.commands import Host, HostCommand, NodeCommand
-from shsa_core.hosts.conversation import HostState, RemoteHost
+from shsa_core.hosts.commands import CarryOut, HostCommand
+from shsa_core.hosts.conversation import RemoteHost
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.load import Load
-from shsa_core.ros.master.node_api import FAILURES, address, master_api
+from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.workers import Workers
 
 TellAny = Callable[[events.Event], None]
 
@@ -25,39 +24,43 @@ LOCAL = ""
 
 
 class AllHosts:
-    """A Host of all computers: our own, and those that have an agent. From any thread.
+    """All computers: our own, and those that have an agent.
 
-    A substitute is where it was started; another node is on the computer whose agent tells the
-    address that the master has for it. What is on none of them is left to `local`. `own`: what the
-    SOM calls our own computer, of whose load we tell ourselves; empty: nothing.
+    A substitute is where it was started, another node where `host_of` says; what is on a computer
+    whose agent was never heard is left to `local`. `own`: what the SOM calls our own computer, of
+    whose load we tell ourselves; empty: nothing.
     """
 
-    def __init__(self, local: Host, signing: Signing, tell: TellAny, own: str = "") -> None:
-        self._local, self._signing, self._tell, self._own = local, signing, tell, own
+    def __init__(
+        self,
+        local: CarryOut,
+        signing: Signing,
+        tell: TellAny,
+        host_of: Callable[[str], str],
+        own: str = "",
+    ) -> None:
+        self._local, self._signing, self._tell = local, signing, tell
+        self._host_of, self._own = host_of, own
         self._load = Load()
         self._remote: Dict[str, RemoteHost] = {}
         self._homes: Dict[str, str] = {}
-        self._watched: Dict[str, List[str]] = {}
-        self._looks = Workers("route", settings.MOST_CALLS)
         self._lock = threading.RLock()
-        self._begun = threading.Event()
-        threading.Thread(target=self._work, name="agents", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, name="agents", daemon=True)
 
     @property
-    def names(self) -> List[str]:
+    def remote(self) -> List[RemoteHost]:
         """Return the computers whose agents are listened to."""
-        return list(self._remote)
+        return list(self._remote.values())
 
     def carry_out(self, command: HostCommand) -> None:
-        """Begin to carry out a command; see Host."""
-        if isinstance(command, events.WatchNodes):
-            self._watch(command)
-        elif isinstance(command, events.StartSubstitute):
-            self._start(command)
-        elif isinstance(command, (events.LearnNode, events.FindNode)) and self._remote:
-            self._looks.put(partial(self._look, command))
-        else:
-            self._at_home(command)
+        """Begin to carry out a command; see CarryOut."""
+        if isinstance(command, events.WatchNodes):  # each sees to those that it knows
+            for host in (LOCAL, *self._remote):
+                self._send(host, command)
+            return
+        if isinstance(command, events.StartSubstitute):
+            self._homes[command.node] = command.host
+        self._send(self._home(command.node), command)
         if isinstance(command, events.StopSubstitute):
             self._homes.pop(command.node, None)
 
@@ -70,24 +73,24 @@ class AllHosts:
             with self._lock:
                 self._remote = {**self._remote, name: host}
             self._hear(host)
-            self._begun.set()
+        if self._remote and not self._thread.is_alive():
+            self._thread.start()
 
     def take_up(self) -> List[str]:
         """Return the nodes of ours that run on other computers, to be kept there.
 
         Waits for the agents that are registered, and for nobody where there are none.
         """
-        wanted = self._registered()
-        kernel.wait_for(lambda: all(self._remote[n].is_reached for n in wanted), settings.ANSWER_S)
+        hosts: List[RemoteHost] = []
+        with suppress(*FAILURES):
+            topics = dict(master_api().getSystemState()[0]) if self._remote else {}
+            topic_of = lambda host: rospy.resolve_name(names.host_events(host.name))
+            hosts = [host for host in self.remote if topic_of(host) in topics]
+        kernel.wait_for(lambda: all(host.is_reached for host in hosts), settings.ANSWER_S)
         with self._lock:
             found = {node: name for name, host in self._remote.items() for node in host.take_up()}
         self._homes.update(found)
         return list(found)
-
-    def told(self) -> List[HostState]:
-        """Return how each computer does."""
-        with self._lock:
-            return [host.told() for host in self._remote.values()]
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
@@ -97,50 +100,15 @@ class AllHosts:
 
     def _send(self, name: str, command: HostCommand) -> None:
         if name == LOCAL:
-            self._local.carry_out(command)
+            self._local(command)
         else:
             with self._lock:
                 self._remote[name].carry_out(command, clock.now())
 
-    def _at_home(self, command: NodeCommand) -> None:
-        self._send(self._homes.get(command.node, LOCAL), command)
-
-    def _look(self, command: NodeCommand) -> None:
-        """Look first where a node is: it may be somewhere else than it was."""
-        self._homes[command.node] = self._home(command.node)
-        self._at_home(command)
-
     def _home(self, node: str) -> str:
-        """Return where a node is by the master's word; where it was, if that does not answer."""
-        try:
-            place = address(str(master_api().lookupNode(node))).host
-            if place == address(rospy.get_node_uri()).host:
-                return LOCAL
-        except FAILURES:
-            return self._homes.get(node, LOCAL)
-        with self._lock:
-            first = [name for name, host in self._remote.items() if host.addresses[:1] == (place,)]
-            other = [name for name, host in self._remote.items() if place in host.addresses]
-        return (first + other + [LOCAL])[0]
-
-    def _watch(self, command: events.WatchNodes) -> None:
-        """Here all are watched, as they may come up anywhere; an agent sees its own sooner."""
-        self._send(LOCAL, command)
-        for name in self._remote:
-            nodes = sorted(node for node in command.nodes if self._homes.get(node) == name)
-            if nodes != self._watched.get(name, []):
-                self._watched[name] = nodes
-                self._send(name, events.WatchNodes(tuple(nodes)))
-
-    def _start(self, command: events.StartSubstitute) -> None:
-        home = LOCAL if command.host == self._own else command.host
-        if home == LOCAL or home in self._remote:
-            self._homes[command.node] = home
-            self._send(home, command)
-        else:
-            why = f"{command.host} is none of the hosts: {', '.join(self._remote) or 'none'}"
-            exited = events.ProcessExited(clock.now(), command.node, why, False)
-            self._tell(exited)
+        """Return the computer of a node, if its agent was ever heard."""
+        home = self._homes.get(node) or self._host_of(node)
+        return home if home in self._remote and self._remote[home].seen else LOCAL
 
     # The conversations with the agents.
 
@@ -148,7 +116,7 @@ class AllHosts:
         commands = SignedPublisher(self._signing, names.host_commands(name), msg.HostCommand)
         say = lambda **fields: publish(commands, msg.HostCommand(**fields))
         beats = settings.LOST_BEATS, settings.RETURN_BEATS
-        return RemoteHost(name, self._tell, say, *(settings.HEARTBEAT_S * each for each in beats))
+        return RemoteHost(name, self._tell, say, *(settings.TURN_S * each for each in beats))
 
     def _hear(self, host: RemoteHost) -> None:
         def heard(message: msg.HostEvent) -> None:
@@ -160,33 +128,15 @@ class AllHosts:
         subscriber = self._signing.subscribe(topic, checked, heard)
         host.ended = lambda: subscriber.get_num_connections() == 0
 
-    def _registered(self) -> List[str]:
-        """Return the computers whose agents the master knows."""
-        if not self._remote:
-            return []
-        try:
-            publishers, _, _ = master_api().getSystemState()
-        except FAILURES:
-            return []
-        topics = {topic for topic, _ in publishers}
-        topic_of = {name: rospy.resolve_name(names.host_events(name)) for name in self._remote}
-        return [name for name, topic in topic_of.items() if topic in topics]
-
     def _work(self) -> None:
-        self._begun.wait()
-        beat_at = 0.0
         while not rospy.core.is_shutdown():
             now = clock.now()
-            beats = now >= beat_at
             with self._lock:
                 for host in self._remote.values():
-                    host.tick(now, settings.TICK_S)
-                    if beats:
-                        host.beat()
-            if beats:
-                beat_at = now + settings.HEARTBEAT_S
-                if self._own:  # as agents tell of theirs
-                    self._load.look(now)
-                    load = self._load.busy, self._load.cores, self._load.sent, self._load.received
-                    self._tell(events.HostSeen(now, self._own, *load))
-            rospy.rostime.wallsleep(settings.TICK_S)
+                    host.tick(now, settings.TURN_S)
+                    host.beat()
+            if self._own:  # as agents tell of theirs
+                self._load.look(now)
+                load = self._load.busy, self._load.cores, self._load.sent, self._load.received
+                self._tell(events.HostSeen(now, self._own, *load))
+            rospy.rostime.wallsleep(settings.TURN_S)

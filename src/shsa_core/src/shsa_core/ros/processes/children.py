@@ -4,6 +4,7 @@ import signal
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Set, Union
 
 import psutil
@@ -95,25 +96,23 @@ class Children:
                 over = {node: status for node, status in polled.items() if status is not None}
                 for node in over:
                     del self._running[node]
+                stopped = self._stopped & over.keys()
+                self._stopped -= stopped
             for node, status in over.items():
-                stopped = node in self._stopped
-                self._stopped.discard(node)
                 try:
-                    self._ended(node, None if stopped else status)
+                    self._ended(node, None if node in stopped else status)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
-            time.sleep(settings.SOON_S)
+            time.sleep(settings.TICK_S)
 
 
 def end(process: psutil.Process) -> None:
     """End a process and all that it started; ask it first if it can be asked. Waits for its end."""
-    if exit_status(process) is not None:
-        return  # its number may be another one's by now
-    try:
-        deaf = kernel.stopped(process.pid)
-        for number in (signal.SIGKILL,) if deaf else (signal.SIGINT, signal.SIGKILL):
-            os.killpg(process.pid, number)
-            if kernel.wait_for(lambda: exit_status(process) is not None):
-                return
-    except (ProcessLookupError, psutil.NoSuchProcess):
-        return
+    ended = lambda: exit_status(process) is not None
+    with suppress(ProcessLookupError, psutil.NoSuchProcess):
+        for number in (signal.SIGINT, signal.SIGKILL):
+            if ended():
+                return  # its number may be another one's by now
+            if number == signal.SIGKILL or not kernel.stopped(process.pid):
+                os.killpg(process.pid, number)
+                kernel.wait_for(ended)

@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 from contextlib import suppress
-from typing import Any, Callable, Dict, Iterable, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Iterable, NamedTuple, Optional, Tuple
 
 import rospkg
 import rospy
@@ -23,8 +23,6 @@ from shsa_core.ros.trust.places import master_place
 CREDENTIALS = struct.Struct("3i")
 SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
 LONGEST_B = 300
-LONGEST_PATH_B = 100
-"""Of a socket's path; the system takes 107."""
 MONITOR, RECONFIGURATOR = "monitor", "reconfigurator"
 """The hearers of heartbeats."""
 HOST = "SHSA_HOST"
@@ -45,7 +43,7 @@ class Sign(NamedTuple):
 
 
 class Heart:
-    """Sends heartbeats to the hearer `role`, if there is one, which has `answered` last; in s."""
+    """Sends heartbeats to the hearer `role`, if there is one; it answers each."""
 
     def __init__(self, role: str) -> None:
         self._name = rospy.get_name().encode()
@@ -54,9 +52,7 @@ class Heart:
             self._address = _address(role)
         except OSError as error:
             rospy.logwarn("Our heartbeats cannot be sent: %s", error)
-        self._due = 0.0
-        self._heard = self.answered = time.monotonic()
-        self._cut_off = float("-inf")  # when that was told last
+        self._due, self._answered, self._answer = 0.0, time.monotonic(), IN_REACH
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         # The system gives it an address with this, so that it can be answered.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -65,44 +61,37 @@ class Heart:
     @property
     def cut_off(self) -> bool:
         """True if their hearer says that the reconfigurator is out of reach."""
-        return time.monotonic() < self._cut_off + settings.CALL_S
+        return self._answer == CUT_OFF and self.unheard < settings.CALL_S
 
     @property
     def unheard(self) -> float:
-        """Return for how long in s nobody has heard them."""
-        return time.monotonic() - self._heard
+        """Return for how long in s nobody has answered them."""
+        return time.monotonic() - self._answered
 
     def beat(self, at_once: bool = False) -> bool:
         """Beat if that is due, or `at_once`; return false if nobody listens. Raises nothing."""
         now = time.monotonic()
         if now < self._due and not at_once:
             return True
-        self._due = now + settings.HEARTBEAT_S
-        self._hear()
+        self._due = now + settings.TURN_S
+        with suppress(OSError):  # there is no answer left
+            while True:
+                self._answer, self._answered = self._socket.recv(LONGEST_B), now
         try:
-            with suppress(BlockingIOError):  # somebody listens, and not fast enough
-                self._socket.connect(self._address)  # from now on nobody else can send to us
-                self._socket.send(self._name)
+            self._socket.connect(self._address)  # from now on nobody else can send to us
+            self._socket.send(self._name)
+        except BlockingIOError:
+            return True  # somebody listens, and not fast enough
         except OSError:
             return False
-        self._heard = now
         return True
-
-    def _hear(self) -> None:
-        """Take the answers that have come."""
-        with suppress(OSError):  # there is none left
-            while True:
-                cut_off = self._socket.recv(LONGEST_B) == CUT_OFF
-                self.answered = time.monotonic()
-                self._cut_off = self.answered if cut_off else float("-inf")
 
 
 class Signs:
     """Hears the heartbeats for `role`, of processes of our own user, in a thread of its own.
 
     `last`: the last sign of each node, to be forgotten when it is gone: the next of its name is
-    another process. `cut_off()` tells if the reconfigurator is out of reach, and each sender is
-    told so.
+    another process. Each sender is told if the reconfigurator is out of reach: `cut_off()`.
     """
 
     def __init__(self, role: str, cut_off: Callable[[], bool] = lambda: False) -> None:
@@ -121,17 +110,12 @@ class Signs:
         while True:
             name, extra, _, address = self._socket.recvmsg(LONGEST_B, SPACE)
             pid = sender(extra)
-            if pid is not None:
-                self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
-                self._answer(address)
-
-    def _answer(self, address: Any) -> None:
-        """Tell a process whether the reconfigurator is in reach; nobody is waited for."""
-        answer = CUT_OFF if self._cut_off() else IN_REACH
-        try:
-            self._socket.sendto(answer, socket.MSG_DONTWAIT, address)
-        except OSError:
-            return  # it has ended, or does not listen
+            if pid is None:
+                continue
+            self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
+            answer = CUT_OFF if self._cut_off() else IN_REACH
+            with suppress(OSError):  # it has ended, or does not listen; nobody is waited for
+                self._socket.sendto(answer, socket.MSG_DONTWAIT, address)
 
 
 def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
@@ -153,10 +137,8 @@ def _address(role: str) -> str:
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     os.makedirs(folder, 0o700, exist_ok=True)
-    path = os.path.join(folder, name)
-    if len(os.fsencode(path)) > LONGEST_PATH_B:
-        path = f"/proc/self/fd/{os.open(folder, os.O_PATH | os.O_DIRECTORY)}/{name}"
-    return path
+    # The folder's own path may be longer than a socket's: the system takes 107 bytes.
+    return f"/proc/self/fd/{os.open(folder, os.O_PATH | os.O_DIRECTORY)}/{name}"
 
 
 def _bind(listener: socket.socket, path: str) -> None:

@@ -1,7 +1,4 @@
-"""Asks the kernel about processes: its answers cannot be forged by anybody on the graph.
-
-Which user a process is of, whether it has ended, stopped or waits; see also `trust/owners`.
-"""
+"""Asks the kernel about processes: nobody on the graph can forge that (see `trust/owners` too)."""
 import os
 import signal
 import time
@@ -60,18 +57,16 @@ def robot_processes() -> Iterator[Running]:
 
 def is_ours(process: psutil.Process) -> bool:
     """Return whether a process runs as the user that we run as, and as no other beside."""
-    try:
+    with suppress(psutil.Error):
         return set(process.uids()) == {os.geteuid()}
-    except psutil.Error:
-        return False
+    return False
 
 
-def user(process: psutil.Process) -> str:
+def user(process: Optional[psutil.Process]) -> str:
     """Return the name of the user that a process runs as."""
-    try:
-        return str(process.username())
-    except psutil.Error:
-        return "somebody else"
+    with suppress(psutil.Error):
+        return str(process.username()) if process else "somebody else"
+    return "somebody else"
 
 
 def identity(pid: int) -> Identity:
@@ -99,18 +94,9 @@ def never_to_end(process: psutil.Process) -> str:
     with suppress(*FAILURES):
         if answers_at(process.pid, resolved(rosgraph.get_master_uri())):
             return "it is the master"
-    if process.pid in {1, *ancestors(os.getpid())}:
+    if process.pid in {1, *(each.pid for each in ancestors(os.getpid()))}:
         return "its process has started the reconfigurator"
-    return _part(process)
-
-
-def _part(process: psutil.Process) -> str:
-    """Return which part of healing or ROS a process is, by its command line; empty: none."""
-    try:
-        programs = [word.split("/") for word in process.cmdline()[:2]]
-    except psutil.Error:
-        return ""
-    for *folders, name in programs:
+    for *folders, name in programs(process):
         if name in OF_ROS:
             return "it belongs to ROS"
         if name in OF_HEALING and not {"shsa_core", "shsa_view"}.isdisjoint(folders):
@@ -118,27 +104,26 @@ def _part(process: psutil.Process) -> str:
     return ""
 
 
-def ancestors(pid: int) -> List[int]:
+def programs(process: psutil.Process) -> List[List[str]]:
+    """Return the folders and the name of a process's program, or of its interpreter and that."""
+    with suppress(psutil.Error):
+        return [word.split("/") for word in process.cmdline()[:2]]
+    return []
+
+
+def ancestors(pid: int) -> List[psutil.Process]:
     """Return the processes that a process descends from, the nearest first, without the first."""
     with suppress(psutil.Error):
         parent = psutil.Process(pid).parent()
         if parent is not None and parent.pid > 1:
-            return [parent.pid, *ancestors(parent.pid)]
+            return [parent, *ancestors(parent.pid)]
     return []
-
-
-def starter(pid: int) -> Tuple[int, List[str]]:
-    """Return the number and the programs of the process that has started one; 0, []: not told."""
-    parent = next(iter(ancestors(pid)), 0)
-    with suppress(psutil.Error):
-        words = psutil.Process(parent).cmdline() if parent else []
-        return parent, [os.path.basename(word) for word in words[:2]]
-    return parent, []
 
 
 def started_by_launch(pid: int) -> bool:
     """Return whether a roslaunch has started a process, which may start it again."""
-    return not {"roslaunch", "rostest"}.isdisjoint(starter(pid)[1])
+    words = (word for each in ancestors(pid)[:1] for word in programs(each))
+    return any(name in ("roslaunch", "rostest") for *_, name in words)
 
 
 def gone(process: psutil.Process) -> bool:
@@ -165,17 +150,12 @@ def _status(process: psutil.Process) -> Optional[str]:
 
 
 def waited(pid: int) -> float:
-    """Return for how long in s the threads of a process could run and had no processor so far.
-
-    0 where the kernel does not tell: see its documentation of schedstat.
-    """
+    """Return for how long in s the threads of a process had no processor (see schedstat)."""
     total = 0
-    try:
+    with suppress(OSError, ValueError, IndexError):  # it, or a thread of it, has ended meanwhile
         for task in os.listdir(f"/proc/{pid}/task"):
             with open(f"/proc/{pid}/task/{task}/schedstat", "rb") as file:
                 total += int(file.read().split()[1])
-    except (OSError, ValueError, IndexError):
-        return total / 1e9  # it, or a thread of it, has ended meanwhile
     return total / 1e9
 
 

@@ -1,12 +1,10 @@
 """Launches: which one has started a node, and that one is ending.
 
-While one is ending nodes stop on purpose, and nothing is to be healed.
-
-roslaunch signals its nodes ten at a time, in no certain order, each in a session of its own: a
-healthy node may be gone up to seconds before we are told to go. It writes to its log that it shuts
-down before it signals anybody, at Ctrl-C as well as when its terminal is closed, and that log is
-open in the parent process of its nodes for us to find. Where it cannot be read, our own signal is
-the first sign, and for nodes of others there is none.
+While one is ending nodes stop on purpose, and nothing is to be healed. roslaunch signals its nodes
+ten at a time, in no certain order: a healthy node may be gone seconds before we are told to go. It
+writes to its log that it shuts down before it signals anybody, and that log is open in the parent
+process of its nodes. Where it cannot be read, our own signal is the first sign, and for nodes of
+others there is none.
 
 Two nodes of one name would end each other for ever: the master shuts the older one down, and its
 launch starts it again. So it is looked before anything is registered.
@@ -16,6 +14,7 @@ import re
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import BinaryIO, Callable, Dict, List, Optional, Set, Tuple
 
 import rosgraph
@@ -68,8 +67,8 @@ class Launches:
         self._worker = Workers("launches")
         self._lock = threading.Lock()
         self._unknown: Set[str] = set()
-        self._processes: Dict[str, int] = {}  # whose turn it is comes first
-        self._of_node: Dict[str, int] = {}
+        # Each node's process and its roslaunch, 0: none; whose turn it is comes first.
+        self._known: Dict[str, Tuple[int, int]] = {}
         self._logs: Dict[int, _LaunchLog] = {}
 
     def learn(self, node: str) -> None:
@@ -82,11 +81,11 @@ class Launches:
     def ending(self) -> Tuple[str, ...]:
         """Return the nodes whose launch has begun to end since the last look."""
         with self._lock:
-            ended = {pid for pid, log in self._logs.items() if log.tells()}
-            if not ended:
-                return ()
-            self._logs = {pid: log for pid, log in self._logs.items() if pid not in ended}
-            return tuple(sorted(node for node, pid in self._of_node.items() if pid in ended))
+            ended = {launch for launch, log in self._logs.items() if log.tells()}
+            for launch in ended:
+                del self._logs[launch]
+            nodes = (n for n, (_, launch) in self._known.items() if launch in ended)
+            return tuple(sorted(nodes)) if ended else ()
 
     def waited(self) -> kernel.Waits:
         """Return for how long in all nodes have waited for a processor, in s: each in its turn.
@@ -96,10 +95,11 @@ class Launches:
         if not kernel.crowded():
             return ()
         with self._lock:
-            turn = list(self._processes.items())[: settings.LOOKED_AT]
-            for node, pid in turn:
-                self._processes[node] = self._processes.pop(node)
-        return tuple((node, kernel.waited(pid)) for node, pid in turn)
+            turn = list(self._known.items())[: settings.LOOKED_AT]
+            for node, known in turn:
+                del self._known[node]
+                self._known[node] = known
+        return tuple((node, kernel.waited(pid)) for node, (pid, _) in turn)
 
     def _look(self) -> None:
         time.sleep(settings.CALL_S)
@@ -108,36 +108,29 @@ class Launches:
         for node, pid in ((each.node, each.process.pid) for each in kernel.robot_processes()):
             if node not in nodes:
                 continue
-            found = _find_log(pid)
+            launch, log = _find_log(pid) or (0, None)
             with self._lock:
-                self._processes[node] = pid
-                self._of_node.pop(node, None)
-                if found is not None:
-                    self._of_node[node] = found[0]
-                    self._logs.setdefault(*found)
-                known = set(self._of_node.values())
-                self._logs = {pid: log for pid, log in self._logs.items() if pid in known}
+                self._known[node] = pid, launch
+                if log is not None:
+                    self._logs.setdefault(launch, log)
+                launches = {launch for _, launch in self._known.values()}
+                self._logs = {pid: log for pid, log in self._logs.items() if pid in launches}
 
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
     """Return the nearest roslaunch that a process descends from, and its log."""
-    for ancestor in kernel.ancestors(pid):
-        name = re.compile(rf"/[^/]*-{ancestor}\.log$")
+    for ancestor in (each.pid for each in kernel.ancestors(pid)):
         folder = f"/proc/{ancestor}/fd"
-        try:
+        with suppress(OSError):  # it is somebody else's process, or gone
             files = [os.readlink(f"{folder}/{each}") for each in os.listdir(folder)]
-            found = next((file for file in files if name.search(file)), None)
-            if found is not None:
-                return ancestor, _LaunchLog(found)
-        except OSError:
-            continue  # it is somebody else's process, or gone
+            for file in files:
+                if re.search(rf"/[^/]*-{ancestor}\.log$", file):
+                    return ancestor, _LaunchLog(file)
     return None
 
 
 GONE_LOOKS = 5
 """So often nobody must be found: a launch starts its healer again within 2 s."""
-
-
 ASKED_BY_API = "external shutdown request"
 """The beginning of rospy's reason then."""
 
@@ -158,12 +151,12 @@ def await_turn(name: str) -> None:
         sys.exit(text)
     print(f"{text} It takes its place once that has ended: rosnode kill {full}", file=sys.stderr)
     gone = 0
-    try:
+    with suppress(KeyboardInterrupt):
         while gone < GONE_LOOKS:
             time.sleep(settings.LOOK_S)
             gone = gone + 1 if find_other(full) is None else 0
-    except KeyboardInterrupt:
-        sys.exit(0)
+        return
+    sys.exit(0)
 
 
 def find_other(node: str) -> Optional[str]:
@@ -179,13 +172,12 @@ def find_other(node: str) -> Optional[str]:
         return None
     if number == os.getpid():
         return None
-    if is_local(uri):
-        process = listener(resolved(uri), number)
-        if process is None or not kernel.is_ours(process):
-            whose = kernel.user(process) if process is not None else "somebody else"
-            text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
-            print(text, file=sys.stderr)
-            return None
+    process = listener(resolved(uri), number) if is_local(uri) else None
+    if is_local(uri) and (process is None or not kernel.is_ours(process)):
+        whose = kernel.user(process)
+        text = f"{node} is a process of {whose}, and no healer of ours: it is replaced."
+        print(text, file=sys.stderr)
+        return None
     return f"process {number} at {uri}"
 
 

@@ -4,30 +4,18 @@ A name proves nothing, and neither does an address that the master gives for it:
 both. A process is taken for a node if it listens there by the kernel's word, is of our own user,
 and says itself that it publishes the topic, as the master does.
 """
-import os
 import threading
-import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set
+from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set, Tuple
 
 import psutil
 import rospy
 
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import (
-    FAILURES,
-    Address,
-    located,
-    master_api,
-    node_api,
-    pid,
-    resolved,
-    topics,
-    uri_at,
-    uri_of,
-)
+from shsa_core.ros.master.node_api import FAILURES, Address, located, master_api, node_api, pid
+from shsa_core.ros.master.node_api import resolved, topics, uri_at, uri_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import answers_at, is_local, listener, listening
 
@@ -77,9 +65,7 @@ class Nodes:
 
     def __init__(self) -> None:
         self._known: Dict[str, Known] = {}
-        self._publishers: Dict[str, Set[str]] = {}  # as the master listed them
-        self._listed = float("-inf")
-        self._said: Set[str] = set()
+        self._said: Set[Tuple[str, str]] = set()
         self._lock = threading.Lock()
 
     def known(self, node: str) -> Optional[Known]:
@@ -95,10 +81,10 @@ class Nodes:
                 self._known.pop(node, None)
             return known
 
-    def sharing(self, node: str, process: psutil.Process) -> Set[str]:
-        """Return the other nodes that were found in the process of a node."""
+    def sharing(self, process: psutil.Process) -> Set[str]:
+        """Return the nodes that were found in a process."""
         with self._lock:
-            return {each for each, k in self._known.items() if k.process == process} - {node}
+            return {node for node, known in self._known.items() if known.process == process}
 
     def look(self, node: str) -> Optional[Known]:
         """Return the process of a node by what the master and the kernel say now; None: none.
@@ -114,13 +100,12 @@ class Nodes:
             return Known(uri, None)
         if not is_local(at):
             return Known(uri, None, at=at)
-        hint = 0
         try:
             hint = pid(at)
         except ConnectionRefusedError:
             return Known(uri, None, dead=True)
-        except FAILURES as error:
-            rospy.logdebug("The kernel is asked which process %s is: %s", node, error)
+        except FAILURES:
+            hint = 0  # the kernel is asked all the same
         return Known(uri, listener(resolved(at), hint), at=at)
 
     def uri(self, node: str) -> str:
@@ -139,29 +124,27 @@ class Nodes:
     def learn(self, node: str, topic: str) -> Optional[Known]:
         """Remember the process of a healthy publisher of a topic; None: it cannot be verified."""
         known = self.known(node)
-        if known is not None and known.process is not None and known.uri:
-            if known.lives and topic in known.topics:
-                return known
+        if known is not None and known.process and known.lives and topic in known.topics:
+            return known
         try:
             current = self.look(node)
             if current is None or current.dead:
                 return None  # it has died meanwhile
             why = _stranger(current)
-            if why:
-                self._warn(f"{node} can be neither ended for certain nor started again: {why}.")
-                return None
-            listed = self._lists(node, topic, settings.CALL_S)
-            said = frozenset(topics(current.at)) if listed else frozenset()
+            said = frozenset(() if why else topics(current.at))
         except FAILURES as error:
             rospy.logdebug("%s is not learned: %s", node, error)
             return None
+        if why and (node, why) not in self._said:
+            self._said.add((node, why))
+            rospy.logwarn("%s can be neither ended for certain nor started again: %s.", node, why)
         if topic not in said:
             return None
         return self._put(node, replace(current, topics=said, learned=True))
 
-    def adopt(self, node: str, known: Known) -> None:
+    def adopt(self, node: str, process: psutil.Process) -> None:
         """Remember a process that we have started: it needs no further proof."""
-        self._put(node, replace(known, learned=True, ours=True))
+        self._put(node, Known("", process, learned=True, ours=True))
 
     def find(self, node: str, topic: str, successor: bool, uri: str = "") -> Found:
         """Find where the process of a publisher runs that failed on a topic.
@@ -201,39 +184,16 @@ class Nodes:
             self._known[node] = known
         return known
 
-    def _lists(self, node: str, topic: str, age: float) -> bool:
-        """Return whether the master lists a node as a publisher of a topic, at most `age` s ago.
-
-        A node that is not listed may have come since: the master is asked again. Raises one of
-        FAILURES if it does not answer.
-        """
-        with self._lock:
-            now = time.monotonic()
-            if node not in self._publishers.get(topic, ()) or now - self._listed > age:
-                publishers, _, _ = master_api().getSystemState()
-                self._publishers = {topic: set(nodes) for topic, nodes in publishers}
-                self._listed = now
-            return node in self._publishers.get(topic, ())
-
-    def _warn(self, text: str) -> None:
-        """Say it once."""
-        if text not in self._said:
-            self._said.add(text)
-            rospy.logwarn("%s", text)
-
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
-        """Return why this may not be the node that failed; None: there is no doubt.
-
-        Raises one of FAILURES if the master does not answer.
-        """
+        """Return why this may not be the node that failed. Raises one of FAILURES: no master."""
         if known.ours or (known.learned and topic in known.topics):
             return None
         why = kernel.never_to_end(known.process) if known.process is not None else ""
         if why or not topic:
             return Found(Where.ANOTHER, why or "nobody says what it failed on")
-        if not self._lists(node, topic, 0.0):
-            why = f"the master does not list it as a publisher of {topic}"
-            return Found(Where.ANOTHER, why)
+        publishers, _, _ = master_api().getSystemState()
+        if not any(node in nodes for each, nodes in publishers if each == topic):
+            return Found(Where.ANOTHER, f"the master does not list it as a publisher of {topic}")
         try:
             publishes = topic in topics(known.at)
         except FAILURES as error:
@@ -242,9 +202,8 @@ class Nodes:
             if known.process and isinstance(error, ConnectionRefusedError):
                 return Found(Where.DEAD)  # it ended since it was looked up
             return Found(Where.UNKNOWN, f"it was never seen well, and cannot be verified: {error}")
-        if publishes:
-            return None
-        return Found(Where.ANOTHER, f"what answers at its address does not publish {topic}")
+        why = f"what answers at its address does not publish {topic}"
+        return None if publishes else Found(Where.ANOTHER, why)
 
 
 def _listens(known: Known, uri: str) -> bool:
@@ -264,11 +223,8 @@ def _stranger(known: Known) -> str:
 
 
 def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str:
-    """Return why a node is protected whose process `others` share; empty: it is not.
-
-    Asks the roslaunch that has started it, and takes as long as that does.
-    """
-    if _is_nodelet_manager(process):
+    """Return why a node is protected whose process `others` share; empty: it is not."""
+    if [name for *_, name in kernel.programs(process)] == ["nodelet", "manager"]:
         return "its process is a nodelet manager"
     if others:
         return f"its process is that of {', '.join(sorted(others))} too"
@@ -277,20 +233,9 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
     return ""
 
 
-def _is_nodelet_manager(process: psutil.Process) -> bool:
-    try:
-        words = process.cmdline()
-    except psutil.Error:
-        return False
-    return [os.path.basename(word) for word in words[:2]] == ["nodelet", "manager"]
-
-
 def _is_required(node: str, process: psutil.Process) -> bool:
-    """Return whether the roslaunch that has started a node ends with it.
-
-    That is its parent: by `/roslaunch/uris`, where anybody writes, a stranger could be asked.
-    """
-    try:
+    """Return whether the roslaunch that has started a node ends with it."""
+    try:  # its parent is asked: at `/roslaunch/uris`, where anybody writes, a stranger may be
         rows = psutil.Process(process.ppid()).connections("tcp")
     except (psutil.Error, OSError):
         return False

@@ -52,10 +52,7 @@ def serve() -> None:
     _rename(sys.argv[:2])  # raises OSError here and not in each fork
     with suppress(ConnectionError):  # who gave us orders has ended, or has given this one up
         line.send(str(os.getpid()).encode())
-        while True:
-            data = line.recv(LARGEST_ORDER_B)
-            if not data:
-                break
+        for data in iter(lambda: line.recv(LARGEST_ORDER_B), b""):
             order = json.loads(data)
             if _fork(order, line):
                 _begin(order)
@@ -89,9 +86,9 @@ def _begin(order: Dict[str, Any]) -> None:
 
 
 def _rename(words: List[str]) -> None:
-    """Show these words as our command line, the last one first: that is the name of the node.
+    """Show words as our command line, by which others know us. Raises OSError: no room for them.
 
-    By them others know us once our parent is gone. Raises OSError if they do not fit.
+    The last one comes first: that is the name of the node.
     """
     with open("/proc/self/stat", "rb") as stat:
         start, end = (int(each) for each in stat.read().rsplit(b")", 1)[1].split()[45:47])

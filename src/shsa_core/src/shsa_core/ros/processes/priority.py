@@ -1,10 +1,8 @@
 """The priority of healing's processes, and of all their threads.
 
-What stands by comes after the robot's own nodes: it may have hundreds of threads where the robot
-has hundreds of topics. What is on the way from a failure to the next message comes before all,
-where that is permitted: to root, or by the user's limit `nice` (see limits.conf).
-
-Where each session has its own share (`man 7 sched`, "The autogroup feature"), as on a desktop, the
+What stands by comes after the robot's own nodes. What is on the way from a failure to the next
+message comes before all, where that is permitted: to root, or by the user's limit `nice` (see
+limits.conf). Where each session has its own share (`man 7 sched`, "The autogroup feature"), the
 priority of a process counts within its session alone: so that of the session is set as well.
 """
 import os
@@ -36,18 +34,18 @@ def set_all(nice: int, pid: int = 0) -> None:
     for thread in Path(f"/proc/{pid}/task").glob("*") if may else ():
         with suppress(OSError):  # it has ended meanwhile, or is somebody else's
             os.setpriority(os.PRIO_PROCESS, int(thread.name), nice)
-    _set_session(nice if may else max(nice, USUAL), pid)
+    with suppress(OSError):  # it has ended meanwhile
+        if os.access(SESSION.format(pid), os.W_OK) and os.getsid(pid) == pid:
+            _set_session(nice if may else max(nice, USUAL), pid)
 
 
 def _set_session(nice: int, pid: int) -> None:
-    """Set the priority of a session, now or soon, if there is one and it is the process's alone."""
-    with suppress(OSError):  # it has ended meanwhile
-        if os.access(SESSION.format(pid), os.W_OK) and os.getsid(pid) == pid:
-            with _lock:
-                waits = pid in _wanted
-                _wanted[pid] = nice
-            if not waits and not _try(pid):
-                threading.Thread(target=_insist, args=(pid,), name="priority", daemon=True).start()
+    """Set the priority of a session of a process, now or soon."""
+    with _lock:
+        waits = pid in _wanted
+        _wanted[pid] = nice
+    if not waits and not _try(pid):
+        threading.Thread(target=_insist, args=(pid,), name="priority", daemon=True).start()
 
 
 def _try(pid: int) -> bool:
@@ -55,16 +53,17 @@ def _try(pid: int) -> bool:
     with _lock:
         try:
             Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
-        except OSError as error:
-            if isinstance(error, BlockingIOError):
-                return False  # any other: it has ended meanwhile
+        except BlockingIOError:
+            return False
+        except OSError:
+            pass  # it has ended meanwhile
         del _wanted[pid]
         return True
 
 
 def _insist(pid: int) -> None:
     while not _try(pid):
-        time.sleep(settings.SOON_S)
+        time.sleep(settings.TICK_S)
 
 
 def _may_hurry() -> bool:

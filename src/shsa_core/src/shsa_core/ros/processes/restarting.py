@@ -7,15 +7,16 @@ import json
 import os
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, Iterable, List, Optional, Set
+from pathlib import Path
+from typing import Callable, Dict, List, Optional, Sequence
 
 import psutil
 import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, uri_of
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
@@ -24,22 +25,12 @@ MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
 
-def may_restart(as_root: bool) -> bool:
-    """Return whether nodes are started again by our user; `as_root`: also if that is root."""
-    return as_root or os.geteuid() != 0
-
-
 def _children(pid: int) -> List[int]:
     """Return the processes that a process has started; none where the kernel does not tell."""
-    tasks = f"/proc/{pid}/task"
-    found: List[int] = []
-    try:
-        for task in os.listdir(tasks):
-            with open(f"{tasks}/{task}/children") as file:
-                found += map(int, file.read().split())
-    except OSError:
-        return found
-    return found
+    files = Path(f"/proc/{pid}/task").glob("*/children")
+    with suppress(OSError):
+        return [int(number) for file in files for number in file.read_text().split()]
+    return []
 
 
 @dataclass(frozen=True)
@@ -52,20 +43,29 @@ class _Start:
 
 
 class Restarts:
-    """Learns from the process of each healthy node how it was started.
+    """Learns from the process of each healthy node how it was started, and starts it again.
 
-    `starter_ended(node)` is called once the process that started a node first has ended, while the
-    restarted node still runs. `host`: the name of the agent that we are part of.
+    Tells, in a thread: `starter_ended(node)` while a restarted node still runs, and the process
+    that started it first has ended; `came(node, process)` once that has started a node again that
+    is awaited, long before any consumer hears it. `host`: the name of the agent that we are.
     """
 
-    def __init__(self, starter_ended: Callable[[str], None], host: str = "") -> None:
-        self._starter_ended = starter_ended
+    def __init__(
+        self,
+        children: Children,
+        starter_ended: Callable[[str], None],
+        came: Callable[[str, psutil.Process], None],
+        host: str = "",
+    ) -> None:
+        self._awaited: Sequence[str] = ()
+        self._children, self._starter_ended, self._came = children, starter_ended, came
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
-        self._told: Set[str] = set()
-        self._lock = threading.Lock()
-        self.children = Children(lambda node, status: None)
-        threading.Thread(target=self._watch_starters, name="starters", daemon=True).start()
+        threading.Thread(target=self._work, name="restarts", daemon=True).start()
+
+    def watch(self, nodes: Sequence[str]) -> None:
+        """Await these nodes from now on, and no others."""
+        self._awaited = nodes
 
     def learn(self, node: str, process: psutil.Process) -> None:
         """Remember how the process of a healthy node was started, which is of our own user."""
@@ -73,35 +73,26 @@ class Restarts:
             parent = process.ppid()
             starter = identity(parent) if parent > 1 else NOBODY
             start = _Start(process.cmdline(), process.cwd(), process.environ(), starter)
-        except psutil.NoSuchProcess:
-            return
         except (psutil.Error, OSError) as error:
-            rospy.logwarn("%s could not be started again: %s", node, error)
+            if not isinstance(error, psutil.NoSuchProcess):
+                rospy.logwarn("%s could not be started again: %s", node, error)
             return
         if gone(process) or not is_ours(process):
             return  # another one has its number by now
-        ours = self.children.process(node)
-        with self._lock:
-            if ours is not None and ours.pid == process.pid:
-                start = replace(start, starter=self._starts[node].starter)  # we started it
-            self._starts[node] = start
+        if self._children.process(node) == process:  # we started it
+            start = replace(start, starter=self._starts[node].starter)
+        self._starts[node] = start
 
-    def started_again(self, node: str) -> Optional[psutil.Process]:
-        """Return the process that a node's starter has started with the same command.
-
-        None: there is none of our user, or that cannot be told.
-        """
-        with self._lock:
-            start = self._starts.get(node)
+    def _started_again(self, node: str) -> Optional[psutil.Process]:
+        """Return the process of ours that a node's starter has started with the same command."""
+        start = self._starts.get(node)
         if start is None or ended(start.starter):
             return None
         for pid in _children(start.starter[0]):
-            try:
+            with suppress(psutil.Error):
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
                     return process
-            except psutil.Error:
-                continue
         return None
 
     def take_up(self) -> List[str]:
@@ -124,12 +115,8 @@ class Restarts:
         return taken
 
     def start(self, node: str) -> psutil.Process:
-        """Start a node again and return its process.
-
-        Raises ShsaError if its start was never seen, OSError if it cannot be made.
-        """
-        with self._lock:
-            start = self._starts.get(node)
+        """Start a node again. Raises ShsaError if its start was never seen, OSError."""
+        start = self._starts.get(node)
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
@@ -137,84 +124,30 @@ class Restarts:
         self._keep(node, process, start)
         return process
 
-    def is_with_us(self, node: str) -> bool:
-        """Return whether the process that started a node first has started us too."""
-        with self._lock:
-            start = self._starts.get(node)
-        return start is not None and start.starter == identity(os.getppid())
+    def abandoned(self, ending: bool = False) -> List[str]:
+        """Return the nodes that were started again and still run, and whose starter has ended.
 
-    def left_alone(self) -> List[str]:
-        """Return the nodes that were started again and still run, and whose starter has ended."""
-        running = self.children.running()
-        with self._lock:
-            starters = {node: self._starts[node].starter for node in running}
-        return [node for node, first in starters.items() if first != NOBODY and ended(first)]
+        Or, if we are `ending`, is our own starter: it ends us, and so all that it has started.
+        """
+        running = filter(self._starts.__contains__, self._children.running())
+        starters = {node: self._starts[node].starter for node in running}
+        ours = identity(os.getppid())
+        over = lambda first: ended(first) or (ending and first == ours)
+        return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
-        with self._lock:
-            self._starts[node] = start
-            self._told.discard(node)
-        self.children.keep(node, process)
+        self._starts[node] = start
+        self._children.keep(node, process)
 
-    def _watch_starters(self) -> None:
+    def _work(self) -> None:
+        told: Dict[str, psutil.Process] = {}
         while not rospy.is_shutdown():
-            rospy.rostime.wallsleep(settings.LOOK_S)
-            for node in self.left_alone():
-                if node not in self._told:
-                    self._told.add(node)
-                    self._starter_ended(node)
-
-
-class ComingUp:
-    """Tells when nodes come up again, as early as can be, before any consumer hears them.
-
-    `started(node)` finds the process that was started again as a node was before: long before it
-    registers. `came(node, process)` is called, in a thread, once for each process, None: for each
-    that registers.
-    """
-
-    def __init__(
-        self,
-        started: Callable[[str], Optional[psutil.Process]],
-        came: Callable[[str, Optional[psutil.Process]], None],
-    ) -> None:
-        self._started, self._came = started, came
-        self._addresses: Dict[str, str] = {}  # where each was last; empty: nowhere
-        self._processes: Dict[str, psutil.Process] = {}
-        self._wanted = threading.Event()
-        self._lock = threading.Lock()
-        threading.Thread(target=self._look, name="coming up", daemon=True).start()
-
-    def watch(self, nodes: Iterable[str]) -> None:
-        """Look for these nodes from now on; where they are registered now, they were before."""
-        wanted = set(nodes)
-        found = {node: _address(node) for node in wanted - set(self._addresses)}
-        with self._lock:
-            kept = {node: uri for node, uri in self._addresses.items() if node in wanted}
-            self._addresses = {**found, **kept}
-            self._wanted.set() if self._addresses else self._wanted.clear()
-
-    def _look(self) -> None:
-        while self._wanted.wait():
-            for node, known in list(self._addresses.items()):
-                process = self._started(node)
-                if process is not None and process != self._processes.get(node):
-                    self._processes[node] = process
-                    self._came(node, process)
-                uri = _address(node)
-                if uri in ("", known):
-                    continue
-                with self._lock:
-                    if node not in self._addresses:
-                        continue  # nobody waits for it any more
-                    self._addresses[node] = uri
-                self._came(node, None)
             time.sleep(settings.TICK_S)
-
-
-def _address(node: str) -> str:
-    """Return where the master says that a node is; empty: it does not know, or does not answer."""
-    try:
-        return uri_of(node)
-    except FAILURES:
-        return ""
+            for node in self._awaited:
+                process = self._started_again(node)
+                if process is not None and process != told.get(node):
+                    told[node] = process
+                    self._came(node, process)
+            for node in self.abandoned():
+                self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
+                self._starter_ended(node)

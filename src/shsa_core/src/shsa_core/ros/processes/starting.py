@@ -9,6 +9,7 @@ import socket
 import subprocess
 import threading
 import time
+from contextlib import suppress
 from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import psutil
@@ -21,7 +22,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.children import Children, Started, Status
 from shsa_core.ros.processes.heartbeats import HOST
-from shsa_core.ros.processes.kernel import NAME, is_ours, robot_processes
+from shsa_core.ros.processes.kernel import NAME, robot_processes
 from shsa_core.ros.processes.prepared import LARGEST_ORDER_B, VARIABLES, arguments
 from shsa_core.ros.trust import secret
 from shsa_core.substitution import signals
@@ -33,22 +34,9 @@ LIMITS = {
     "nofile": (resource.RLIMIT_NOFILE, 16384),
 }
 """Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
-INHERITED = (
-    "CMAKE_PREFIX_PATH",
-    "HOME",
-    "LANG",
-    "LANGUAGE",
-    "LD_LIBRARY_PATH",
-    "LOGNAME",
-    "PATH",
-    "PYTHONPATH",
-    "PYTHONUNBUFFERED",
-    "TMPDIR",
-    "TZ",
-    "USER",
-)
-INHERITED_PREFIXES = ("LC_", "ROS_", "ROSCONSOLE_", "SHSA_")
-"""Of our environment a substitute inherits nothing but these."""
+INHERITED = ("CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH", "PYTHON", "ROS", "SHSA_")
+OF_USER = ("HOME", "LANG", "LC_", "LOGNAME", "TMPDIR", "TZ", "USER")
+"""Of our environment a substitute inherits nothing but what begins with one of these."""
 
 
 class Setup(NamedTuple):
@@ -78,7 +66,8 @@ class Substitutes:
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
     `cleared(node)` after each end, to clear what the node left registered. Neither may wait. A
-    new process takes the journal of one that has ended, so that there are never many.
+    new process takes the journal of one that has ended, so that there are never many. `forking`:
+    the prepared process; None: nothing is forked.
     """
 
     def __init__(
@@ -86,89 +75,69 @@ class Substitutes:
     ) -> None:
         self._ended, self._cleared = ended, cleared
         self._setup = setup
-        self._wrapper = wrapper(setup.sandbox)
         self._slots: Dict[str, int] = {}
         self.children = Children(self._over)
         found = {name: _find(name) for name in ("substitute", "standby")}
         self._files = {os.path.realpath(path) for paths in found.values() for path in paths}
-        folder = get_pkg_dir(PACKAGE)
-        # As paths in the package: rosrun takes twice as long where it has to look for a name.
-        self._executables = {name: os.path.relpath(each[0], folder) for name, each in found.items()}
         self._paths = {name: each[0] for name, each in found.items()}
-        self._forking: Optional[Forking] = None
+        folder, limits = get_pkg_dir(PACKAGE), wrapper(setup.sandbox)
+        # As paths in the package: rosrun takes twice as long where it has to look for a name.
+        self._rosrun = {
+            name: [*limits, "rosrun", PACKAGE, os.path.relpath(path, folder)]
+            for name, path in self._paths.items()
+        }
+        inherits = (each for each in os.environ.items() if each[0].startswith(INHERITED + OF_USER))
+        self._variables = {
+            **dict(inherits),
+            "ROS_NAMESPACE": setup.prefix.rsplit("/", 1)[0] or "/",
+            secret.VARIABLE: setup.secret_file,
+            HOST: setup.host,
+        }
+        self.forking: Optional[Forking] = None
         if setup.forks and not setup.sandbox:
-            words = [*self._wrapper, "rosrun", PACKAGE, self._executables["substitute"]]
-            variables = self._environment(setup.prefix.rsplit("/", 1)[0])
-            self._forking = Forking(words, variables, setup.types, setup.ready)
-
-    @property
-    def forks(self) -> bool:
-        """True if substitutes are forked, once the prepared process is there."""
-        return self._forking is not None
+            run = self._rosrun["substitute"]
+            self.forking = Forking(run, self._variables, setup.types, setup.ready)
 
     def start(self, command: StartSubstitute) -> None:
-        """Start a muted substitute, idle without a program.
-
-        Raises OSError if the process cannot be made.
-        """
+        """Start a muted substitute, idle without a program. Raises OSError if that fails."""
         node, program = command.node, command.program
-        namespace, name = node.rsplit("/", 1)
-        variables = self._environment(namespace)
-        executable, words = "standby", [NAME + name]
+        executable, words = "standby", [NAME + node.rsplit("/", 1)[1]]
+        own: Dict[str, str] = {}
         if command.shared:
             words.insert(0, signals.SHARED)
         if program is not None:
             strings = (",".join(program.inputs), program.code, ",".join(program.outputs))
             executable, words = "substitute", [*strings, *words]
-            variables[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
+            own[signals.VARIABLE] = signals.encode(command.inputs, command.outputs)
         slot = self._free_slot()
         if self._setup.journals:
-            variables[signals.JOURNAL] = f"{self._setup.journals}{slot}.journal"
+            own[signals.JOURNAL] = f"{self._setup.journals}{slot}.journal"
         process: Optional[psutil.Process] = None
-        if self._forking is not None:
-            process = self._forking.start([self._paths[executable], *words], variables)
+        if self.forking is not None:
+            process = self.forking.start([self._paths[executable], *words], own)
         if process is None:
-            run = [*self._wrapper, "rosrun", PACKAGE, self._executables[executable]]
-            process = Started([*run, *words], variables)
+            process = Started([*self._rosrun[executable], *words], {**self._variables, **own})
         self._keep(node, process, slot)
 
-    def take_up(self, node: str, process: psutil.Process) -> None:
-        """Make a substitute of a former reconfigurator ours."""
-        self._keep(node, process, self._free_slot())
-
-    def left_behind(self) -> Dict[str, psutil.Process]:
-        """Return the substitutes of this master and agent that run, by name, and are not ours yet.
-
-        The system is asked and not the master: one that was just started is not registered, and
-        one that hangs does not answer.
-        """
-        found: Dict[str, psutil.Process] = {}
+    def take_up(self) -> List[str]:
+        """Make ours the substitutes of this master and agent that run, registered or not."""
+        found: List[str] = []
         for each in robot_processes():
-            same = each.variables.get(HOST, "") == self._setup.host
-            same = same and each.node.startswith(self._setup.prefix)
-            if same and self.children.process(each.node) is None:
-                if self.runs_ours(each.node, each.process):
-                    found[each.node] = each.process
+            ours = each.variables.get(HOST, "") == self._setup.host
+            ours = ours and each.node.startswith(self._setup.prefix)
+            ours = ours and any(os.path.realpath(word) in self._files for word in each.words[:2])
+            if ours and self.children.process(each.node) is None:
+                self._keep(each.node, each.process, self._free_slot())
+                found.append(each.node)
         return found
-
-    def runs_ours(self, node: str, process: psutil.Process) -> bool:
-        """Return whether a process is a substitute of this name, of our own user."""
-        if not is_ours(process):
-            return False
-        try:
-            words = process.cmdline()
-        except psutil.Error:
-            return False
-        return NAME + node.rsplit("/", 1)[1] in words and any(
-            os.path.realpath(w) in self._files for w in words[:2]
-        )
 
     def _keep(self, node: str, process: psutil.Process, slot: int) -> None:
         self._slots[node] = slot
         self.children.keep(node, process)
 
     def _over(self, node: str, status: Optional[Status]) -> None:
-        del self._slots[node]
+        if self._slots.pop(node, None) is None:
+            return  # it is a node that was started again
         if status is not None:
             self._ended(node, f"exit status {status}")
         self._cleared(node)
@@ -178,31 +147,13 @@ class Substitutes:
         taken = list(self._slots.values())
         return next(number for number in itertools.count(1) if number not in taken)
 
-    def _environment(self, namespace: str) -> Dict[str, str]:
-        variables = {**environment(os.environ), "ROS_NAMESPACE": namespace or "/"}
-        variables.update({secret.VARIABLE: self._setup.secret_file, HOST: self._setup.host})
-        return variables
-
-
-def environment(ours: Mapping[str, str]) -> Dict[str, str]:
-    """Return what of our environment a substitute inherits: nothing that it has no use for."""
-    listed = lambda name: name in INHERITED or name.startswith(INHERITED_PREFIXES)
-    return {name: value for name, value in ours.items() if listed(name)}
-
 
 def wrapper(sandbox: Sequence[str]) -> List[str]:
-    """Return the words before a substitute's command: its limits, no new rights, a `sandbox`.
-
-    Raises ShsaError if there is no such program.
-    """
+    """Return what confines a command. Raises ShsaError if there is no such program."""
     if sandbox and shutil.which(sandbox[0]) is None:
         raise ShsaError(f"there is no program {sandbox[0]} to run the substitutes in")
-    words: List[str] = []
-    if shutil.which("prlimit"):
-        words += ["prlimit", *(f"--{name}={_lowered(name)}" for name in LIMITS)]
-    if shutil.which("setpriv"):
-        words += ["setpriv", "--no-new-privs"]
-    return [*words, *sandbox]
+    limits = (f"--{name}={_lowered(name)}" for name in LIMITS)
+    return ["prlimit", *limits, "setpriv", "--no-new-privs", *sandbox]
 
 
 def _lowered(name: str) -> int:
@@ -220,8 +171,6 @@ def _find(executable: str) -> Sequence[str]:
     return found
 
 
-OWN_VARIABLES = frozenset((signals.VARIABLE, signals.JOURNAL))
-"""Of a fork's environment; what else there is was read when the prepared process was made."""
 LONGEST_ANSWER_B = 100
 
 
@@ -249,26 +198,25 @@ class Forking:
         self._thread.start()
 
     def start(self, words: List[str], variables: Mapping[str, str]) -> Optional[psutil.Process]:
-        """Fork a process that has these words as its command line; None: that cannot be done now.
-
-        `variables`: its environment beside the one that all have.
-        """
-        added = {k: v for k, v in variables.items() if self._variables.get(k) != v}
-        order = json.dumps({"words": words, "variables": added}).encode()
+        """Fork a process with a command line and `variables`; None: that cannot be done now."""
+        order = json.dumps({"words": words, "variables": variables}).encode()
         with self._lock:
-            if self._line is None or self._process is None:
-                return None
-            if not OWN_VARIABLES.issuperset(added) or len(order) > LARGEST_ORDER_B:
+            line, process = self._line, self._process
+            if line is None or process is None or len(order) > LARGEST_ORDER_B:
                 return None
             try:
-                if kernel.stopped(self._process.pid):
+                if kernel.stopped(process.pid):
                     raise BlockingIOError("the prepared process is stopped")
-                self._line.settimeout(settings.PATIENCE_S)
-                self._line.send(order, socket.MSG_DONTWAIT)
-                pid = int(self._line.recv(LONGEST_ANSWER_B) or b"0")
-            except (OSError, psutil.Error) as error:
+                line.settimeout(settings.PATIENCE_S)
+                line.send(order, socket.MSG_DONTWAIT)
+                pid = int(line.recv(LONGEST_ANSWER_B) or b"0")
+            except OSError as error:
                 rospy.logwarn("%s could not be forked: %r", words[-1], error)
-                pid = self._give_up(self._line, self._process)
+                self._line, pid = None, 0
+                process.kill()
+                with suppress(OSError):  # a fork of the last moment is ours; later none begins
+                    line.shutdown(socket.SHUT_RDWR)
+                    pid = int(line.recv(LONGEST_ANSWER_B) or b"0")
         try:
             return psutil.Process(pid) if pid else None
         except psutil.NoSuchProcess:
@@ -277,26 +225,12 @@ class Forking:
             os.kill(pid, signal.SIGKILL)  # nobody could look after it: there is no descriptor left
             raise
 
-    def _give_up(self, line: socket.socket, process: "subprocess.Popen[bytes]") -> int:
-        """End a prepared process that hangs; return the fork that it has made in the last moment.
-
-        None begins later: nobody hears that it is there.
-        """
-        self._line = None
-        process.kill()
-        try:
-            line.shutdown(socket.SHUT_RDWR)
-            return int(line.recv(LONGEST_ANSWER_B) or b"0")
-        except OSError:
-            return 0
-
     def _keep(self) -> None:
         pause = settings.FIRST_PAUSE_S
         while not rospy.is_shutdown():
-            began = time.monotonic()
+            began, why = time.monotonic(), "it has ended"
             try:
                 self._serve()
-                why = "it has ended"
             except (OSError, ValueError) as error:
                 why = str(error)
             if time.monotonic() > began + settings.LONGEST_PAUSE_S:

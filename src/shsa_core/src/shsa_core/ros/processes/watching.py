@@ -30,7 +30,7 @@ class Life:
     `tell` hears in a thread of its own each one's first sign; and that it hangs, after `patience`
     heartbeats without one, or, where `stopping_counts`, as the kernel has stopped it. Time stands
     while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
-    had no processor, as what stands by comes last: up to STARVED_S.
+    had no processor, as what stands by comes last: up to STARVED times that.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Life:
         stopping_counts: bool = True,
     ) -> None:
         self._signs, self._watched, self._tell = signs, watched, tell
-        self._patience, self._at_work = patience * settings.HEARTBEAT_S, at_work
+        self._patience, self._at_work = patience * settings.TURN_S, at_work
         self._stopping_counts = stopping_counts
         self._seen: Dict[str, _Seen] = {}
         threading.Thread(target=self._work, name="signs of life", daemon=True).start()
@@ -68,13 +68,13 @@ class Life:
             seen.clock.stand(before, now)
         if sign != seen.sign:
             seen.sign, seen.starves = sign, False
-        elif seen.clock.passed(sign.time) >= 2 * settings.HEARTBEAT_S:
+        elif seen.clock.passed(sign.time) >= 2 * settings.TURN_S:
             # At first this only tells how long it has waited so far.
             seen.clock.starve(now if seen.starves else sign.time, kernel.waited(sign.pid))
             seen.starves = True
             late = seen.clock.has_passed(sign.time, self._patience)
             stopped = self._stopping_counts and kernel.stopped(sign.pid)
-            if late or stopped or now - sign.time >= settings.STARVED_S:
+            if late or stopped or now - sign.time >= settings.STARVED * self._patience:
                 self._tell(events.ProcessPulse(now, name, False))
                 self._signs.last.pop(name, None)
                 del self._seen[name]
@@ -84,13 +84,9 @@ class Companion:
     """Watches the other healer by its heartbeats, and sends ours.
 
     A launch restarts a healer that died, not one that hangs. That is named, and ended if a
-    launch starts it again: its heartbeats come with its process number from the kernel, so nobody
-    is ended for another. They never end each other: the one that ends must be at work, and so it is
-    heard; and the monitor waits longer than the reconfigurator.
-
-    Args:
-        role: the other one: its node's name, and the hearer of our heartbeats.
-        signs: what was heard for us.
+    launch starts it again. They never end each other: the one that ends must be at work, and so it
+    is heard; and the monitor waits longer than the reconfigurator. `role`: the other one's name,
+    and the hearer of our heartbeats; `signs`: what was heard for us.
     """
 
     def __init__(self, role: str, signs: Signs) -> None:
@@ -101,7 +97,7 @@ class Companion:
         self._beaten = time.monotonic()
         self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_BEATS[role]
-        at_work = lambda: time.monotonic() < self._beaten + 3 * settings.HEARTBEAT_S
+        at_work = lambda: time.monotonic() < self._beaten + 3 * settings.TURN_S
         Life(signs, self._name.__eq__, self._change, patience, at_work, stopping_counts=False)
 
     def beat(self) -> None:
@@ -117,30 +113,29 @@ class Companion:
         )
 
     def _change(self, event: events.ProcessPulse) -> None:
-        (self._hear if event.heard else self._hangs)(event.node)
-
-    def _hear(self, name: str) -> None:
-        sign = self._signs.last.get(name)
-        try:
-            self._process = psutil.Process(sign.pid) if sign else None
-        except (psutil.Error, OSError):
-            self._process = None  # it cannot be told now: nobody is ended for it
-        if self.problem:
-            rospy.loginfo("%s gives signs of life again.", name)
-        self.problem = ""
-
-    def _hangs(self, name: str) -> None:
-        process = self._process
-        if process is None or kernel.gone(process):
+        name, process, sign = event.node, self._process, self._signs.last.get(event.node)
+        if event.heard:
+            try:
+                self._process = psutil.Process(sign.pid) if sign else None
+            except (psutil.Error, OSError):
+                self._process = None  # it cannot be told now: nobody is ended for it
+            if self.problem:
+                rospy.loginfo("%s gives signs of life again.", name)
+            self.problem = ""
+        elif process is None or kernel.gone(process):
             self.problem = f"{name} has ended"
             rospy.logerr("%s. No launch has started another one.", self.problem)
-            return
-        self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
-        done = "No launch would start it again: it is left alone."
-        if kernel.started_by_launch(process.pid):
-            done = "Its launch starts it again."
-            try:
-                kernel.kill(process)
-            except OSError as error:
-                done = f"It cannot be ended: {error}."
-        rospy.logerr("%s. %s", self.problem, done)
+        else:
+            self.problem = f"{name} hangs: process {process.pid} gives no sign of life"
+            rospy.logerr("%s. %s", self.problem, _ended(process))
+
+
+def _ended(process: psutil.Process) -> str:
+    """End a healer that hangs, if a launch starts it again; return what was done, in words."""
+    if not kernel.started_by_launch(process.pid):
+        return "No launch would start it again: it is left alone."
+    try:
+        kernel.kill(process)
+    except OSError as error:
+        return f"It cannot be ended: {error}."
+    return "Its launch starts it again."
