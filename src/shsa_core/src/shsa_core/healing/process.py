@@ -70,12 +70,8 @@ class Processes:
 
     def working_on(self, host: str) -> List[str]:
         """Return the services whose substitute runs on a computer."""
-        return [
-            name
-            for node, s in self._services.items()
-            if self._robot.elsewhere.get(node, "") == host
-            for name in s
-        ]
+        nodes = (n for n in self._services if self._robot.elsewhere.get(n, "") == host)
+        return [name for node in nodes for name in self._services[node]]
 
     # Where they run.
 

@@ -170,8 +170,7 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
     assert substitute.plan is not None
     topic, why = service.spec.topic, service.robot.planner.errs_too_much(substitute.plan)
     if another is None:
-        text = f"{topic}: the substitute is used no more: {why}."
-        return [Log(Level.WARN, text), *heal(service)]
+        return [Log(Level.WARN, f"{topic}: the substitute is used no more: {why}."), *heal(service)]
     substitute.tried |= {substitute.plan}
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
     return [Log(Level.WARN, f"{topic}: {text}"), *follow(service, another)]

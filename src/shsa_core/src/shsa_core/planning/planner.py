@@ -7,7 +7,7 @@ from shsa_core.codegen.fusion import fusions_of
 from shsa_core.codegen.generator import ways_of
 from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
-from shsa_core.errors import ShsaError
+from shsa_core.errors import NoSubstitute, ShsaError
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
@@ -194,10 +194,16 @@ class Planner:
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         """Return the best plan without some nodes, but for those tried. Raises ShsaError."""
         ready = self.plans.plan(service.name)
-        if ready is not None and ready not in tried and self.usable(ready, excluded):
-            return ready
-        question = self.ontology, service, self.plans.sources, excluded, self._method, tried
-        return plan_service(*question, self.predictor_of(service.name), STEPS)
+        plan = ready if ready not in tried and ready and self.usable(ready, excluded) else None
+        if plan is None:
+            question = self.ontology, service, self.plans.sources, excluded, self._method, tried
+            plan = plan_service(*question, self.predictor_of(service.name), STEPS)
+        why = self.errs_too_much(plan)
+        if not why:
+            return plan
+        with suppress(NoSubstitute):
+            return self.plan(service, excluded, {*tried, plan})
+        raise NoSubstitute(service.properties, (), refused=why)
 
     def explain(self, service: Service, excluded: Collection[str], method: str = "") -> Plan:
         """Search it, without some services, nodes and topics. Raises ShsaError."""
