@@ -132,10 +132,10 @@ def parameters() -> str:
     """The parameters of monitor and reconfigurator."""
     nodes = {"monitor": MonitoringSettings(), "reconfigurator": HealingSettings()}
     rows = []
-    for name, means in PARAMETERS.items():
+    for name, key in PARAMETERS.items():
         having = [node for node, settings in nodes.items() if name in names_of(type(settings))]
         default = getattr(nodes[having[0]], name)
-        rows.append((code("~" + name), ", ".join(having), means, _plain(default)))
+        rows.append((code("~" + name), ", ".join(having), key.means, _plain(default)))
     return table(("parameter", "of", "what", "default"), rows)
 
 

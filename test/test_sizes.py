@@ -7,12 +7,12 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 31818, "healing": 4596, "monitoring": 2612, "ros": 9198}
+LINES = {"": 30793, "healing": 4412, "monitoring": 2611, "ros": 8941}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
 FILES = {"healing": 18}
-CONSTANTS = 57
+CONSTANTS = 46
 """Constants of time in the cores and shells; 50 are wanted."""
 CONSTANT = re.compile(r"^_?[A-Z_]+_S\b.* = ", re.MULTILINE)
 RIDDLE = re.compile(r'^\s*"""(Whether|Who|What|How|When|Where|Which) ', re.MULTILINE)

@@ -8,6 +8,8 @@ from typing import Dict, Iterator, List, Optional
 import pytest
 from listings import ROOT, seen
 
+from shsa_core.healing.kill import Outcome
+
 CORE = ROOT / "src" / "shsa_core" / "src" / "shsa_core"
 PAGE = ROOT / "docs" / "howto" / "troubleshooting.md"
 LOGGED = re.compile(r"log(warn|err|fatal)(_|$)|^_?warn$")
@@ -31,6 +33,10 @@ def said(call: ast.Call) -> Optional[ast.expr]:
     name = getattr(call.func, "attr", getattr(call.func, "id", ""))
     if name == "Log":
         return call.args[1] if getattr(call.args[0], "attr", "") in LEVELS else None
+    if (
+        name == "log" and getattr(call.args[-1], "attr", "") != "INFO"
+    ):  # a service's: its topic first
+        return ast.JoinedStr([ast.Constant("...: ", None), call.args[0]])
     if not LOGGED.search(name) or not call.args:
         return None
     return call.args["throttle" in name]
@@ -65,9 +71,9 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
             yield from texts(value, {})
 
 
-FOUND = sorted(
-    {text for path in CORE.rglob("*.py") for text in logged(path) if re.search("[a-z]{3}", text)}
-)
+KILLS = [f"...: ... {each}: ..." for each in (Outcome.UNREACHED, Outcome.UNSURE, Outcome.ANOTHER)]
+TEXTS = {text for path in CORE.rglob("*.py") for text in logged(path)}
+FOUND = sorted(text for text in (*TEXTS, *KILLS) if re.search("[a-z]{3}", text))
 
 
 @pytest.mark.parametrize("text", FOUND)

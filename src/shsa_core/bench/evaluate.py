@@ -18,8 +18,7 @@ from report import Goals, print_table, summary
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.language.expression import parse_constraint, parse_law
-from shsa_core.model.ontology import Constant
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
 

@@ -15,8 +15,7 @@ from shsa_core.healing.settings import Settings
 from shsa_core.language.expression import parse_law
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Standby
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -72,7 +71,6 @@ class Robot:
             events.AskToLeave: lambda c: events.NodeLeft(self.time, c.node),
             events.EndProcess: lambda c: events.NodeLeft(self.time, c.node),
             events.StartSubstitute: self._started,
-            events.AssignSubstitute: self._started,
             events.ShowSubstitutions: self._shown,
         }
         ontology, self.som = models(size, standby, topics_a_node)
@@ -136,7 +134,7 @@ class Robot:
         return PublisherHealth(topic, node, state, self.time, first, last, kind)
 
     def _started(self, command: Any) -> events.Event:
-        return events.SubstituteStarted(self.time, command.node, self.time)
+        return events.SubstituteStarted(self.time, command.node)
 
     def _shown(self, change: events.ShowSubstitutions) -> Optional[events.Event]:
         """Have the substitutes do as the table says, and the monitor see that."""

@@ -25,8 +25,7 @@ from report import Goals
 
 from shsa_core.analysis.check import check_model
 from shsa_core.language.expression import parse_law
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.planning.plan_table import PlanTable
@@ -46,7 +45,7 @@ def find_first(
 ) -> Optional[Rated]:
     network = ontology.network
     left = [each for each in sources if each.service.topic not in excluded]
-    return first_found(network, SourceTable(network, left), network.number(target))
+    return first_found(SourceTable(network, left), network.number(target))
 
 
 Say = Callable[[str], None]

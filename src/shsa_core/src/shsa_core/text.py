@@ -20,6 +20,11 @@ def shown(text: object, most: int = LONGEST) -> str:
     return first + "..." if len(whole) > most else first
 
 
+def short(text: str) -> str:
+    """Return the text, or its beginning, as it is quoted in a line."""
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def nearest(name: str, known: Iterable[str], most: int = 1) -> str:
     """Return "; did you mean ...?" with the names that may have been meant; empty: none is near."""
     near = difflib.get_close_matches(name, sorted(known), n=most)

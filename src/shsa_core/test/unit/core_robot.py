@@ -9,8 +9,7 @@ from shsa_core.healing.settings import Settings
 from shsa_core.language.expression import parse_law
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution, row_key
@@ -138,7 +137,7 @@ class Robot:
         """A node fails, is killed, and its substitute publishes."""
         start = only(self.fail(topic, node, time), events.StartSubstitute)
         self.killed(time + 0.01, node)
-        self.handle(events.SubstituteStarted(time + 0.02, start.node, time + 0.001))
+        self.handle(events.SubstituteStarted(time + 0.02, start.node))
         self.row(topic, start.node, "healthy", time + 0.5, first=time + 0.5)
         self.table(time + 0.51)
         return start.node
@@ -155,6 +154,16 @@ def program_of(commands: Sequence[events.Command]) -> Program:
     program = only(commands, events.StartSubstitute).program
     assert program is not None
     return program
+
+
+def assigned(commands: Sequence[events.Command]) -> str:
+    """The only process that ran already and is given a program by the table."""
+    started = {each.node for each in commands if isinstance(each, events.StartSubstitute)}
+    tables = [each for each in commands if isinstance(each, events.ShowSubstitutions)]
+    nodes = {row.node for table in tables for row in table.rows if row.node and row.code}
+    nodes -= started
+    (node,) = nodes
+    return node
 
 
 def has(commands: Sequence[events.Command], kind: type) -> bool:

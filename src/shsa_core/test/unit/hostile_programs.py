@@ -218,7 +218,7 @@ PROGRAMS: List[str] = [
             "return table(i1, 0, 1, 0, 2)",
             "return table(i1, nan, 1, 1, 2)",
             "return delay(i1, nan)",
-            "return delay(i1, 11)",
+            "return delay(i1, 0)",
             "return delay(i1, 0)",
             "return delay(i1)",
             "return delay(i1, 1, 2)",

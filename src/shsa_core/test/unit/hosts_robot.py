@@ -3,7 +3,7 @@ from typing import Any, List, Sequence
 
 from core_robot import A, B, C, Robot, service
 from shsa_core.healing import events
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.som import Som
 
@@ -23,6 +23,8 @@ def seen(robot: Robot, time: float, *hosts: str, load: float = 0.5) -> List[even
     commands: List[events.Command] = []
     for host in hosts:
         commands += robot.handle(events.HostSeen(time, host, load, 4.0))
+    if robot.core.deadline is not None and robot.core.deadline <= time:
+        commands += robot.handle(events.Tick(time))
     return commands
 
 

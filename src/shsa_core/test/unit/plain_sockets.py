@@ -12,7 +12,7 @@ from rospy.impl import tcpros_base
 from rospy.impl.tcpros import get_tcpros_handler
 
 from shsa_core.ros import clock
-from shsa_core.ros.sockets.subscriptions import Arrived, Looked, Subscriptions
+from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions, Tick
 
 HOST = "127.0.0.1"
 LISTED: Dict[str, str] = {}
@@ -134,7 +134,7 @@ class Monitor:
         if isinstance(happening, Arrived):
             self.data.append(happening.data)
             self.heard.append((happening.connection.publisher, happening.data))
-        elif not isinstance(happening, Looked):
+        elif not isinstance(happening, Tick):
             self.seen.append(happening)
 
     def until(self, condition: Callable[[], bool], seconds: float = 5.0) -> None:

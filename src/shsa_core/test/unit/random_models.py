@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 
 from core_robot import function
 from shsa_core.healing.settings import Settings
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host
+from shsa_core.model.service import LastResort, Placement, Provision, Service
 from shsa_core.model.kinds import Contain, OnPartition, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
 
 FUNCTIONS = [

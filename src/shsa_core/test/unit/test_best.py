@@ -12,7 +12,7 @@ from shsa_core.search.derivation import LOST, UNRATED, SourceTable
 def reached(robot: Ontology, sources: Sequence[Source], **options: Any) -> List[str]:
     """Return the properties that are rated in a search for `a`."""
     network = robot.network
-    best = BestDerivations(network, SourceTable(network, sources), **options)
+    best = BestDerivations(SourceTable(network, sources), **options)
     best.settle(network.number("a"))
     return [name for n, name in enumerate(network.names) if best.ratings[n] != UNRATED]
 
@@ -47,7 +47,7 @@ def test_a_cycle_is_settled_together_and_known() -> None:
         law("de", "d", "e"),
     )
     network = robot.network
-    best = BestDerivations(network, SourceTable(network, [source("e")]))
+    best = BestDerivations(SourceTable(network, [source("e")]))
     assert best.settle(network.number("a"))
     names = {
         network.names[n]: {network.names[m] for m in cycle} for n, cycle in best.cycles.items()
@@ -65,7 +65,7 @@ def test_two_cycles_are_kept_apart() -> None:
         law("dc", "d", "c"),
     )
     network = robot.network
-    best = BestDerivations(network, SourceTable(network, []))
+    best = BestDerivations(SourceTable(network, []))
     assert not best.settle(network.number("a"))
     cycles = {frozenset(network.names[m] for m in cycle) for cycle in best.cycles.values()}
     assert cycles == {frozenset("ab"), frozenset("cd")}
@@ -75,7 +75,7 @@ def test_two_cycles_are_kept_apart() -> None:
 def test_several_targets_share_what_they_depend_on() -> None:
     robot = ontology(*CHAIN, law("yb", "y", "b"))
     network = robot.network
-    best = BestDerivations(network, SourceTable(network, [source("c")]))
+    best = BestDerivations(SourceTable(network, [source("c")]))
     for name in ("a", "y", "a"):
         assert best.settle(network.number(name))
     first, second = (best.ratings.derivation(network.number(name)) for name in "ay")

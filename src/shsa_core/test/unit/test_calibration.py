@@ -18,7 +18,7 @@ from shsa_core.derivations.settings import (
     SETTLING_S,
 )
 from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.growth import PRIOR_GAIN
+from shsa_core.model.calibration import PRIOR_GAIN
 
 PERIOD = 0.1
 ERROR_S = ERRORS_APART * SAMPLE_S

@@ -116,7 +116,7 @@ def test_the_number_of_inputs_and_outputs_must_fit(n_inputs: int, n_outputs: int
             "line 5: only a variable that has a value, such as t0, is allowed here",
         ),
         ("t2=_tf1(t0,t1)", "t2=_tf1(t0,t0)", "line 5: _tf1 gets the same argument twice"),
-        ("t2=_tf1(t0,t1)", "t4=_tf1(t0,t1)", "line 5: 't2=_tf1(...)' is due here"),
+        ("t2=_tf1(t0,t1)", "t4=_tf1(t0,t1)", "line 5: 't2=_tf1(...)' with 2 arguments is due here"),
         (
             "y=(t2,t3)",
             "y=(t2,t4)",
@@ -128,7 +128,11 @@ def test_the_number_of_inputs_and_outputs_must_fit(n_inputs: int, n_outputs: int
         ("y=(t2,t3)", "z=(t2,t3)", "line 9: 'y=...' is due here"),
         ("y=(t2,t3)", "y=(t2,t3)\ny=t2", "line 10: nothing may follow 'y=...'"),
         ("y=(t2,t3)\n", "", "the code ends where 'y=...' is due"),
-        ("t3=_tf2(t2,t0)\ny=(t2,t3)\n", "", "the code ends where 't3=_tf2(...)' is due"),
+        (
+            "t3=_tf2(t2,t0)\ny=(t2,t3)\n",
+            "",
+            "the code ends where 't3=_tf2(...)' with 2 arguments is due",
+        ),
         ("i1*i2", "i1*'a'*i2", 'line 4: the character "\'" is not allowed in code'),
         ("i1*i2", "i1[0]*i2", f"line 4: a subscript (a[b]) {NOT_IN_LANGUAGE}"),
         ("t0=x[0]", "\n\n\u00e4", "line 3: the character '\\xe4' is not allowed in code"),

@@ -216,7 +216,7 @@ def test_what_relations_share_is_searched_once(monkeypatch: pytest.MonkeyPatch) 
     knows = predictor(ontology, [X])
     assert knows is not None
     number = ontology.network.number("y")
-    found = choice.compare(ontology.network, table, lambda function: True, number, knows)
+    found = choice.compare(table, lambda function: True, number, knows)
     assert len(found.rated) == 20 and found.complete
     assert len(made) == 1
 

@@ -7,7 +7,7 @@ from plain_sockets import LISTED, Master, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
-from shsa_core.ros.sockets.identity import NOT_LISTED, Identified, Identities
+from shsa_core.ros.sockets.identity import NOT_LISTED, Identities
 
 
 class Stranger:
@@ -31,7 +31,7 @@ def test_who_claims_the_name_of_another_is_whom_the_master_lists(
     monitor.until(lambda: monitor.heard == [("/stranger", b"forged")])
     stranger.die()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Gone"] and monitor.seen[0].publisher == "/stranger"
+    assert monitor.kinds() == ["Disconnected"] and monitor.seen[0].publisher == "/stranger"
     why = "it is /stranger, by the master's word"
     assert monitor.refused == [(monitor.topic, node.name, why)]
 
@@ -104,7 +104,7 @@ def test_a_connection_counts_no_more_for_a_name_that_another_process_has_taken(
     returned = Node(monitor.topic)
     monitor.hear_of(returned)
     monitor.until(lambda: "Connected" in monitor.kinds())
-    assert monitor.seen[0].at == returned.uri + "/"
+    assert monitor.seen[0].uri == returned.uri + "/"
     node.send(framed(b"bad") * 100)
     monitor.until(lambda: bool(monitor.refused))
     returned.send(framed(b"good"))
@@ -130,7 +130,7 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor.connect(node)
     assert monitor.connections._identities.knows(node.name, node.uri)
     node.die()
-    monitor.until(lambda: "Gone" in monitor.kinds())
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
     assert not monitor.connections._identities.knows(node.name, node.uri)
 
 
@@ -150,9 +150,9 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
 
 def test_who_is_never_listed_is_asked_about_for_days() -> None:
     refused: List[str] = []
-    identities = Identities(lambda item: None, lambda topic, claim, why: refused.append(why))
+    identities = Identities(lambda *_: None, lambda topic, claim, why: refused.append(why))
     connection: Any = Stranger()
     identities.claim(connection)
     for _ in range(3000):  # 8 h
-        assert not identities.answered(Identified(connection, ""))
+        assert not identities.answered(connection, "", "")
     assert refused == [NOT_LISTED] * 2999

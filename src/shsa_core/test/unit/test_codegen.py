@@ -8,8 +8,7 @@ from shsa_core.codegen.generator import generate, way, ways_of
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError
 from shsa_core.language.expression import parse_constraint, parse_law
-from shsa_core.model.ontology import Constant
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation

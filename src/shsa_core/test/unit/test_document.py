@@ -178,14 +178,19 @@ def test_parameters_become_values_with_their_names() -> None:
 
 
 def test_parameters_of_other_kinds_and_depths_are_refused() -> None:
-    with pytest.raises(ModelError, match="^/p/a: a bytes is not allowed"):
-        from_parameters({"a": b"x"}, "/p")
+    strange: Any = from_parameters({"a": b"x"}, "/p").data
+    for ask in ("number", "string", "flag", "sequence", "mapping"):
+        with pytest.raises(ModelError, match="^/p/a: it must be .*, not a bytes"):
+            getattr(strange["a"], ask)("it")
     deep: Any = 1
     for _ in range(MAX_DEPTH + 1):
         deep = [deep]
-    with pytest.raises(ModelError, match="is nested more than"):
-        from_parameters(deep, "/p")
-    assert from_parameters(deep[0], "/p")
+    value: Any = from_parameters(deep, "/p")
+    for _ in range(MAX_DEPTH + 1):
+        (value,) = value.data
+    with pytest.raises(ModelError, match="must be a number, not nested more than"):
+        value.number("it")
+    assert plain(from_parameters(deep[0], "/p")) == deep[0]
 
 
 def test_what_a_value_must_be() -> None:

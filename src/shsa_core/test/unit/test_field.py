@@ -11,7 +11,6 @@ from shsa_core.model.field import (
     ANGLES,
     REDUCTIONS,
     FieldText,
-    Index,
     Named,
     Span,
     Step,
@@ -25,9 +24,7 @@ LETTERS = string.ascii_letters
 NAMES = st.builds(str.__add__, st.sampled_from(LETTERS), st.text(LETTERS + "_09", max_size=5))
 PLACES = st.integers(0, 999_999)
 ITEMS = st.text(string.ascii_letters + string.digits + "_./:-", min_size=1, max_size=20)
-STEPS = st.builds(
-    Step, NAMES, st.one_of(st.none(), st.builds(Index, PLACES), st.builds(Named, NAMES, ITEMS))
-)
+STEPS = st.builds(Step, NAMES, st.one_of(st.none(), PLACES, st.builds(Named, NAMES, ITEMS)))
 SPANS = st.one_of(
     st.none(),
     st.builds(Span, st.integers(1, 999), st.none()),

@@ -9,9 +9,8 @@ import pytest
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.regular import open_to_append, read_text
-from shsa_core.files.som_file import load_som, read_som
-from shsa_core.files.trust import refuse_others_commands, written_by_others
+from shsa_core.files.regular import open_to_append, read_text, written_by_others
+from shsa_core.files.som_file import load_som, read_som, refuse_others_commands
 
 READERS: Dict[str, Callable[[str], object]] = {
     "ontology": load_ontology,

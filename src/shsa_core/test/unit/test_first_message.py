@@ -3,6 +3,7 @@
 import pytest
 
 from core_robot import (
+    assigned,
     A,
     B,
     C,
@@ -47,7 +48,7 @@ def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
     node = robot.heal(10.0)
     robot.row("/b", B, "failed", 15.0)
     commands = robot.table(15.01)
-    assert only(commands, events.AssignSubstitute).node == node
+    assert assigned(commands) == node
     assert reads(robot, node) == ("/c/data",)
     assert last_incident(commands).state is State.HEALED
 

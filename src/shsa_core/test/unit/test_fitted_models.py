@@ -10,7 +10,7 @@ from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import CompiledProgram, compile_program, compile_steady
 from shsa_core.errors import CodeError
 from shsa_core.language.expression import Law, compose, parse_expression
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.search.derivation import Derivation
 

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shsa_core.language.fitted import clip, dot, rbf, table
-from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, floor, namespace, power, sign
+from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, clip, dot
+from shsa_core.language.functions import floor, namespace, power, rbf, sign, table
 from shsa_core.language.memory import (
     HELD_SAMPLES,
-    MAX_DELAY_S,
     MAX_GAP_S,
     Memory,
     delay,
@@ -309,11 +308,11 @@ def test_delay_starts_anew_after_a_gap_and_ignores_what_is_no_sample() -> None:
     assert memory(6.0, 0.2, 0.5) == 6.0  # backwards
 
 
-@pytest.mark.parametrize("time", [0.0, -1.0, MAX_DELAY_S * 1.001, NAN, math.inf])
+@pytest.mark.parametrize("time", [0.0, -1.0, NAN, math.inf])
 def test_delay_needs_a_time_within_its_limits(time: float) -> None:
     memory = delay()
     assert math.isnan(memory(1.0, time, 0.0))
-    assert memory(1.0, MAX_DELAY_S, 0.0) == 1.0
+    assert memory(1.0, 1e300, 0.0) == 1.0
 
 
 def test_delay_holds_so_many_samples_however_fast_they_come() -> None:

@@ -7,8 +7,7 @@ from typing import Any, Dict, List, Optional
 import pytest
 
 from core_robot import Robot, function, service
-from shsa_core.codegen.fusion import fuse, fusions_of
-from shsa_core.codegen.generator import generate
+from shsa_core.codegen.generator import fuse, fusions_of, generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.healing import events
 from shsa_core.derivations import settings

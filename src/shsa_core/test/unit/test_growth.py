@@ -2,7 +2,7 @@
 import pytest
 
 from shsa_core.model.error import Error
-from shsa_core.model.growth import PARTED, Growth
+from shsa_core.model.calibration import PARTED, Growth
 
 ERROR = Error(0.2, p95=0.4)
 EXPECTED = 0.09

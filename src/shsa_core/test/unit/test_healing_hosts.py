@@ -1,11 +1,11 @@
 """On which computer a substitute runs, and where one stands by."""
 from dataclasses import replace
-from core_robot import A, C, Robot, has, last_incident, only, publishing, service
+from core_robot import A, C, Robot, assigned, has, last_incident, only, publishing, service
 from hosts_robot import BOARD, PI, distributed, lost, seen, som, stopped, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
-from shsa_core.model.cost import cost
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host, cost
+from shsa_core.model.service import Placement
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
 
@@ -49,7 +49,7 @@ def test_where_it_fits_nowhere_the_service_is_unhealed_and_tried_again() -> None
     incident = last_incident(robot.fail("/a", A, 10.0))
     assert incident.state is State.UNHEALED and "board has no room: 4 busy + " in incident.detail
     assert not has(seen(robot, 10.1, BOARD, load=4.0), events.ShowIncident)
-    assert only(seen(robot, 10.2, BOARD, load=1.0), events.StartSubstitute).host == BOARD
+    assert only(seen(robot, 12.1, BOARD, load=1.0), events.StartSubstitute).host == BOARD
 
 
 def test_what_was_just_placed_counts_before_the_load_shows_it() -> None:
@@ -95,8 +95,7 @@ def test_idle_processes_are_where_the_plans_of_warm_services_are_placed() -> Non
     (row,) = robot.idle_rows()
     assert row.host == BOARD and robot.shown["a"].host == BOARD
     robot.handle(events.ProcessPulse(3.5, row.node, True))
-    assign = only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
-    assert assign.node == row.node and robot.shown[row.node].host == BOARD
+    assert assigned(robot.fail("/a", A, 10.0)) == row.node and robot.shown[row.node].host == BOARD
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute)
     assert refill.host == BOARD and refill.program is None
 
@@ -130,7 +129,7 @@ def test_a_process_that_stands_by_elsewhere_takes_over_where_none_is_left() -> N
     rows = {row.host: row.node for row in robot.idle_rows()}
     robot.handle(events.ProcessExited(4.0, rows[BOARD], "killed"))
     commands = robot.fail("/a", A, 4.1)
-    assert only(commands, events.AssignSubstitute).node == rows[PI]
+    assert assigned(commands) == rows[PI]
     assert "cold start" not in str(commands) and not has(commands, events.StartSubstitute)
 
 

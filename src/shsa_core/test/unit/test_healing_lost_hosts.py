@@ -111,16 +111,6 @@ def test_what_no_warm_service_needs_any_more_does_not_stay_on_a_lost_computer() 
     assert row.node in stopped(lost(robot, 10.0, BOARD)) and robot.idle_rows() == []
 
 
-def test_a_substitute_that_has_ended_on_a_lost_computer_is_not_told_to() -> None:
-    robot = distributed()
-    robot.fail("/a", A, 10.0)
-    robot.killed(10.1, A)
-    node = takes_over(robot, 10.5)
-    lost(robot, 20.0, BOARD)
-    assert stopped(robot.handle(events.ProcessExited(20.1, node, "status 0"))) == []
-    assert node not in stopped(seen(robot, 30.0, BOARD))
-
-
 # The node's computer is lost
 
 
@@ -168,7 +158,7 @@ def test_a_wrong_node_on_a_lost_computer_may_still_run_and_is_killed_when_it_is_
     assert publishing(robot) == (True,)  # it is not heard here
     incident = last_incident(commands)
     assert incident.killed is None and "may still run" in incident.detail
-    assert only(seen(robot, 18.0, PI), events.FindNode).node == A
+    assert only(steady(robot, 18.0, 20.6, PI), events.FindNode).node == A
 
 
 def test_a_kill_that_is_under_way_when_the_computer_is_lost_is_finished_later() -> None:
@@ -178,7 +168,7 @@ def test_a_kill_that_is_under_way_when_the_computer_is_lost_is_finished_later() 
     commands = lost(robot, 10.5, PI)
     assert "/a_node may still run: pi is lost: its agent is silent." in str(commands)
     assert publishing(robot) == (True,)
-    assert only(seen(robot, 18.0, PI), events.FindNode).node == A
+    assert only(steady(robot, 18.0, 20.6, PI), events.FindNode).node == A
 
 
 def test_a_node_that_is_to_start_again_on_a_lost_computer_is_waited_for() -> None:
@@ -187,9 +177,9 @@ def test_a_node_that_is_to_start_again_on_a_lost_computer_is_waited_for() -> Non
     lost(robot, 10.5, PI)
     incident = robot.core.incident("a")
     assert incident is not None and incident.state is State.HEALING
-    seen(robot, 18.0, PI)
-    robot.killed(18.1, A)
-    assert only(robot.handle(events.Tick(18.7)), events.RestartNode).node == A
+    steady(robot, 18.0, 20.6, PI)
+    robot.killed(20.6, A)
+    assert only(robot.handle(events.Tick(21.2)), events.RestartNode).node == A
 
 
 def test_where_nobody_says_on_which_computer_a_node_is_it_is_left_alone() -> None:
@@ -216,8 +206,9 @@ def test_a_link_that_drops_again_and_again_ends_with_one_publisher_and_no_punish
         assert incident.state is State.RETURNING and not incident.kept_out
         robot.handle(events.Tick(time + 1.0))
         time += 2.0
+        assert publishing(robot) == (False,)
     seen(robot, time - 0.5, PI)
-    robot.handle(events.Tick(time + 0.2))
+    robot.handle(events.Tick(time + robot.core.settings.hold_off_limit))
     assert robot.core.incident("a") is None and publishing(robot) == (False,)
     assert not has(robot.said, events.FindNode)
 

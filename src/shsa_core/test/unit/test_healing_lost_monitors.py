@@ -10,7 +10,8 @@ from shsa_core.healing.settings import ANSWER_S
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host
+from shsa_core.model.service import Placement
 from shsa_core.model.kinds import Standby
 from shsa_core.model.som import Som
 

@@ -121,9 +121,6 @@ class AnyRobot(RuleBasedStateMachine):
         self.used.add(command.node)
         self.running.add(command.node)
 
-    def on_AssignSubstitute(self, command: events.AssignSubstitute) -> None:
-        assert command.node in self.running, "work for a process that is not there"
-
     def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
         assert command.node in self.used | self.named
         self.running.discard(command.node)
@@ -354,7 +351,7 @@ class AnyRobot(RuleBasedStateMachine):
                     events.NodeRestarted(now, node),
                     events.RestartFailed(now, node, "as told"),
                     events.StarterEnded(now, node),
-                    events.SubstituteStarted(now, node, now),
+                    events.SubstituteStarted(now, node),
                 )
             )
         )

@@ -5,6 +5,7 @@ from typing import Any, Callable, List
 import pytest
 
 from core_robot import (
+    assigned,
     A,
     B,
     C,
@@ -51,13 +52,12 @@ def test_a_node_that_could_not_be_learned_is_tried_until_it_is_known() -> None:
     robot = Robot()
     robot.handle(events.NodeLearned(1.0, B, True))
     robot.handle(events.NodeLearned(1.0, A, False))
-    assert robot.core.deadline == 1.5
-    assert learned(robot.handle(events.Tick(1.5))) == [A]
-    robot.handle(events.NodeLearned(1.6, A, False))
-    assert learned(robot.handle(events.Tick(3.6))) == [A]
-    for time in (3.7, 13.8, 23.9):
+    assert robot.core.deadline == 3.0
+    assert learned(robot.handle(events.Tick(3.0))) == [A]
+    for time, pause in ((4.0, 4.0), (8.0, 8.0)):
         robot.handle(events.NodeLearned(time, A, False))
-        assert learned(robot.handle(events.Tick(time + 10.0))) == [A]
+        assert robot.core.deadline == time + pause
+        assert learned(robot.handle(events.Tick(time + pause))) == [A]
     robot.handle(events.NodeLearned(34.0, A, True))
     assert robot.core.deadline is None
 
@@ -85,11 +85,11 @@ def test_a_node_that_died_is_not_tried_any_more() -> None:
     assert not learned(robot.handle(events.Tick(2.0)))
 
 
-def test_substitutes_that_were_left_behind_are_ended_and_their_names_not_used_again() -> None:
+def test_substitutes_that_were_left_behind_are_cleared_and_their_names_not_used_again() -> None:
     robot = Robot()
     left = ("/substitute_a_7", "/substitute_standby_3")
     commands = robot.handle(events.Started(1.0, left))
-    assert [each.node for each in commands if isinstance(each, events.FindNode)] == list(left)
+    assert [each.node for each in commands if isinstance(each, events.ClearNode)] == list(left)
     assert "Stopping orphaned substitute /substitute_a_7." in str(commands)
     start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
     assert start.node == "/substitute_a_8"
@@ -121,17 +121,6 @@ def test_what_is_named_as_a_substitute_and_not_known_to_be_one_is_left_alone_and
     (log,) = [each for each in commands if isinstance(each, events.Log)]
     assert "/substitute_a_7 is left alone" in log.text and not has(commands, events.FindNode)
     assert only(robot.fail("/a", A, 10.0), events.StartSubstitute).node == "/substitute_a_8"
-
-
-def test_a_substitute_that_was_left_behind_and_not_found_in_time_is_looked_for_again() -> None:
-    robot = Robot()
-    robot.handle(events.Started(1.0, ("/substitute_a_7",)))
-    for time in (3.0, 7.0, 13.0):
-        assert not has(robot.handle(events.Tick(time)), events.FindNode)
-        time += 2.0 * 2 ** [3.0, 7.0, 13.0].index(time)
-        assert events.FindNode("/substitute_a_7") in robot.handle(events.Tick(time))
-    robot.killed(21.5, "/substitute_a_7")
-    assert not has(robot.handle(events.Tick(100.0)), events.FindNode)
 
 
 def test_at_the_end_every_substitute_is_stopped() -> None:
@@ -247,7 +236,7 @@ def test_a_service_that_becomes_warm_has_processes_ready() -> None:
     warm = Som([replace(first, standby=Standby.WARM), *others])
     assert has(robot.handle(events.SomChanged(2.0, warm)), events.StartSubstitute)
     robot.idle(2.0)
-    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute)
+    assert assigned(robot.fail("/a", A, 10.0))
 
 
 def test_another_quality_of_a_source_counts_in_the_next_plan() -> None:

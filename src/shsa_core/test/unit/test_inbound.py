@@ -20,7 +20,7 @@ from rospy.impl.tcpros_pubsub import QueuedConnection, TCPROSHandler, TCPROSPub
 from std_msgs.msg import String
 
 from shsa_core.ros import settings
-from shsa_core.ros.rospy_patches import callers, inbound
+from shsa_core.ros.rospy_patches import inbound
 from shsa_core.ros.trust.owners import speaker
 from shsa_testing.waiting import wait_until
 
@@ -53,7 +53,7 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
-    rooms = [callers.Room(callers.Debts(), speaker) for _ in range(2)]
+    rooms = [inbound.Room(inbound.Debts(), speaker) for _ in range(2)]
     callback = TCPROSServer._tcp_server_callback
     monkeypatch.setattr(
         TCPROSServer,
@@ -261,11 +261,11 @@ def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatc
     clock = SimpleNamespace(
         monotonic=lambda: now[0], thread_time=lambda: used[0], sleep=waits.append
     )
-    monkeypatch.setattr(callers, "time", clock)
+    monkeypatch.setattr(inbound, "time", clock)
     monkeypatch.setattr(settings, "CALLER_CREDIT_S", 0.5)
     monkeypatch.setattr(settings, "CALLER_SHARE", 0.1)
-    monkeypatch.setattr(callers, "_charged", threading.local())
-    debts = callers.Debts()
+    monkeypatch.setattr(inbound, "_charged", threading.local())
+    debts = inbound.Debts()
     for caller, spent, told in (
         ("a", 0.5, []),
         ("a", 0.2, [2.0]),
@@ -284,16 +284,16 @@ def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatc
 def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    debts = callers.Debts()
-    rooms = [callers.Room(debts, lambda _: STRANGERS) for _ in range(2)]
+    debts = inbound.Debts()
+    rooms = [inbound.Room(debts, lambda _: STRANGERS) for _ in range(2)]
     monkeypatch.setattr(settings, "CALLER_SHARE", 1e-6)
     monkeypatch.setattr(settings, "CALLER_CREDIT_S", 5.0)
     debts.wait("")
     call, subscribe = socket.socketpair(), socket.socketpair()
-    served: List[callers.Inbound] = []
+    served: List[inbound.Inbound] = []
     rooms[0].admit(call[0], 10, served.append)
     assert [each.caller for each in served] == [f"user {STRANGERS}"]
-    callers.charge_also(6.0)  # as for a service's answer, which another thread finds
+    inbound.charge_also(6.0)  # as for a service's answer, which another thread finds
     served[0].pay()
     rooms[1].admit(subscribe[0], 10, served.append)
     assert len(served) == 1 and subscribe[1].recv(1) == b""  # refused, before anything is read
@@ -302,7 +302,7 @@ def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
 
 
 def test_who_has_many_addresses_clears_no_debt() -> None:
-    debts = callers.Debts()
+    debts = inbound.Debts()
     debts.owed("10.0.0.1", 100.0)
     for number in range(2 * settings.MOST_API_CONNECTIONS):
         debts.owed(f"10.0.1.{number}", 1e-6)
@@ -313,27 +313,27 @@ def test_another_user_pays_for_what_it_subscribes_to(monkeypatch: pytest.MonkeyP
     """A hundred of its subscribers cost a gate a third of a processor; computers rely on it."""
     used, waits = [0.0], []  # type: List[float], List[float]
     clock = SimpleNamespace(monotonic=lambda: 0.0, thread_time=lambda: used[0], sleep=waits.append)
-    monkeypatch.setattr(callers, "time", clock)
-    monkeypatch.setattr(callers, "_charged", threading.local())
-    debts = callers.Debts()
+    monkeypatch.setattr(inbound, "time", clock)
+    monkeypatch.setattr(inbound, "_charged", threading.local())
+    debts = inbound.Debts()
     for caller, waits_then in (("", False), ("10.0.0.2", False), (f"user {STRANGERS}", True)):
         ours, theirs = socket.socketpair()
-        inbound = callers.Inbound(ours, caller, debts)
+        connection = inbound.Inbound(ours, caller, debts)
         for _ in range(200):
             used[0] += 0.01
-            inbound.sendall(b"message")
+            connection.sendall(b"message")
         assert bool(waits) is waits_then, caller
-        inbound.close()
+        connection.close()
         theirs.close()
 
 
 class Subscriber:
     """A connection of rospy's to a subscriber that somebody has."""
 
-    def __init__(self, caller: str, debts: callers.Debts) -> None:
+    def __init__(self, caller: str, debts: inbound.Debts) -> None:
         ours, self._theirs = socket.socketpair()
         transport = TCPROSTransport(TCPROSPub("/topic", String), "/topic")
-        transport.set_socket(callers.Inbound(ours, caller, debts), "/consumer")
+        transport.set_socket(inbound.Inbound(ours, caller, debts), "/consumer")
         self.connection = QueuedConnection(transport, settings.CONSUMER_QUEUE)
         self._theirs.settimeout(10.0)
 
@@ -356,13 +356,13 @@ def test_another_user_in_debt_misses_messages_and_nobody_else_does(
     """To hand 50 messages a second to each of its 100 subscribers cost a gate 10 %."""
     now, used, waits = [0.0], itertools.count(), []  # type: List[float], Any, List[float]
     monkeypatch.setattr(
-        callers,
+        inbound,
         "time",
         SimpleNamespace(
             monotonic=lambda: now[0], thread_time=lambda: 1e-3 * next(used), sleep=waits.append
         ),
     )
-    debts, user = callers.Debts(), f"user {STRANGERS}"
+    debts, user = inbound.Debts(), f"user {STRANGERS}"
     subscribers = {caller: Subscriber(caller, debts) for caller in ("", "10.0.0.2", user)}
     debts.owed(user, settings.CALLER_CREDIT_S + settings.CALLER_SHARE)
     for at, said in ((0.0, b"first"), (10.0, b"second")):
@@ -382,9 +382,9 @@ def test_another_user_in_debt_misses_messages_and_nobody_else_does(
 def test_nobody_pays_for_what_a_thread_did_for_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
     used = [0.0]
     clock = SimpleNamespace(monotonic=lambda: 0.0, thread_time=lambda: used[0], sleep=used.append)
-    monkeypatch.setattr(callers, "time", clock)
-    monkeypatch.setattr(callers, "_charged", threading.local())
-    debts = callers.Debts()
+    monkeypatch.setattr(inbound, "time", clock)
+    monkeypatch.setattr(inbound, "_charged", threading.local())
+    debts = inbound.Debts()
     used[0] = 100.0
     debts.wait("")
     used[0] += 0.1

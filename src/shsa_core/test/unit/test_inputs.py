@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
@@ -17,12 +18,11 @@ from std_msgs.msg import Float64, String
 
 from shsa_core.model.service import Signal
 from shsa_core.ros.processes import priority
-from shsa_core.ros import settings
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.sockets.identity import Identified, Identities
-from shsa_core.ros.sockets.subscriptions import Subscriptions, _Closed, _Made
+from shsa_core.ros.sockets.identity import Identities
+from shsa_core.ros.sockets.subscriptions import Subscriptions
 from shsa_core.substitution.events import (
     Advertised,
     Event,
@@ -72,7 +72,8 @@ class Bench:
             read_buff=io.BytesIO(),
             close=here.close,
         )
-        self.subscriptions._tell(_Made(topic, transport))
+        made = partial(self.subscriptions._take_over, topic, transport)
+        self.subscriptions._tell(topic, made)
         for _ in range(2):  # it is known by then
             self.take()
         return there
@@ -110,15 +111,14 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     def claim(self: Identities, connection: Connection) -> None:
         self._tries[connection] = 0
-        self._tell(Identified(connection, connection.publisher, connection.uri))
+        self._tell(connection, connection.publisher, connection.uri)
 
     monkeypatch.setattr(Identities, "claim", claim)
 
     def subscribe(self: Subscriptions, topic: str) -> None:
-        self._implementations[topic] = HandedOver(topic, lambda _: None, lambda _: None)
+        self.topics[topic] = HandedOver(topic, lambda _: None, lambda _: None)
 
     monkeypatch.setattr(Subscriptions, "subscribe", subscribe)
-    monkeypatch.setattr(settings, "TICK_S", 1.0)
     rospy.rostime.set_rostime_initialized(True)
     made = Bench()
     yield made
@@ -297,11 +297,11 @@ def test_what_rospy_closes_is_forgotten(bench: Bench) -> None:
     bench.listen("/in")
     end = bench.connect("/in", SOURCE)
     (connection,) = bench.subscriptions._standing.values()
-    assert bench.subscriptions.waits
-    bench.subscriptions._tell(_Closed("/in", connection.transport))
+    closed = partial(bench.subscriptions._closed, "/in", connection.transport)
+    bench.subscriptions._tell("/in", closed)
     connection.transport.socket.close()
     bench.take()
-    assert not bench.subscriptions._standing and not bench.subscriptions.waits
+    assert not bench.subscriptions._standing
     bench.inputs.read(["/in"])
     assert bench.take() == []
     assert end.fileno() > 0

@@ -1,14 +1,15 @@
 """Introductions: new publishers that are looked at, and the subscribers that are told."""
 from shsa_core.ros.master.announce import Introductions, Publisher
-from shsa_core.ros.settings import INTRODUCTION_LOOKS_S as LOOKS_S
+from shsa_core.ros.settings import INTRODUCTION_LOOKS, MASTER_LOOK_S
 
+LOOKS_S = [looks * MASTER_LOOK_S for looks in INTRODUCTION_LOOKS]
 OLD, NEW = Publisher("/x", "/a", "http://a:1/"), Publisher("/x", "/a", "http://a:2/")
 OURS = Publisher("/shsa/health", "/monitor", "http://m:1/")
 
 
 def looks(introductions: Introductions, until: float) -> list:
-    """Return what is looked at when, in steps of 0.1 s."""
-    steps = [step / 10 for step in range(round(until * 10) + 1)]
+    """Return what is looked at when, in steps of 0.05 s."""
+    steps = [step / 20 for step in range(round(until * 20) + 1)]
     return [(at, each) for at in steps for each in introductions.due(at)]
 
 

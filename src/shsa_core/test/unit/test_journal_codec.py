@@ -26,8 +26,7 @@ from shsa_core.journal.codec import Codec
 from shsa_core.journal.machines import MACHINES, machine_kind
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
 from shsa_core.model.checks import REGISTRY, Check, OutOfRange, Stuck
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_testing.thorough import many

@@ -113,7 +113,7 @@ def test_what_stands_by_fills_in_for_nobody() -> None:
     first, *others = SOM
     robot = Robot(Som([replace(first, standby=Standby.HOT, bridge=2.5), *others]))
     (row,) = robot.working()
-    robot.handle(events.SubstituteStarted(2.0, row.node, 1.9))
+    robot.handle(events.SubstituteStarted(2.0, row.node))
     assert robot.shown[row.node].bridge > 0.0
     begin(robot, 10.0)
     assert robot.shown[row.node].bridge == 0.0
@@ -184,3 +184,10 @@ def test_shutting_down_ends_what_is_ours() -> None:
     begin(robot, 20.0)
     commands = robot.handle(events.ShuttingDown(21.0))
     assert substitute in [c.node for c in commands if isinstance(c, events.StopSubstitute)]
+
+
+def test_a_node_that_was_started_again_still_ends_with_its_launch() -> None:
+    robot = Robot()
+    robot.handle(events.NodeRestarted(9.0, A))
+    begin(robot, 10.0)
+    assert acting(robot.handle(events.StarterEnded(11.0, A))) == (events.StopNode(A),)

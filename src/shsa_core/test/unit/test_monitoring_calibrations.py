@@ -14,8 +14,7 @@ from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Provision, Service
-from shsa_core.model.service import Signal
+from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import (

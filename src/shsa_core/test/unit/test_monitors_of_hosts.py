@@ -5,7 +5,7 @@ from shsa_core.healing.events import HealthSeen
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Health
 from shsa_core.model.health import PublisherHealth, PublisherState
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.planning.settings import START_S

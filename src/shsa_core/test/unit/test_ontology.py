@@ -2,8 +2,7 @@
 from typing import Tuple
 
 from shsa_core.language.expression import parse_law
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 
 
 def function(

@@ -137,7 +137,10 @@ def test_settings_that_are_no_mapping_are_refused(parameters: object) -> None:
 
 def test_nobody_can_ask_for_any_number_of_processes() -> None:
     read, errors = read_settings(Settings, {"pool": 101, "hold_off": HIGHEST}, "/reconfigurator")
-    assert (read.pool, read.hold_off) == (2, HIGHEST) and "pool must be 0 to 100" in str(errors[0])
+    assert (read.pool, read.hold_off) == (
+        2,
+        HIGHEST,
+    ) and "pool must be a whole number from 0 to 100" in str(errors[0])
 
 
 GOOD = Signal("/a", "data", "std_msgs/Float64", "/n", 0.1, 0.5)

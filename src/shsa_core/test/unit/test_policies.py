@@ -9,6 +9,7 @@ from typing import List
 import pytest
 
 from core_robot import (
+    assigned,
     A,
     ONTOLOGY,
     SOM,
@@ -341,7 +342,7 @@ def test_the_safe_value_is_published_when_nothing_is_left() -> None:
     assert incident.substitute == start.node and publishing(robot) == (True,)
     robot.row("/c", "/c_node", "healthy", 20.0)
     commands = robot.table(20.0)
-    assert only(commands, events.AssignSubstitute).node == start.node
+    assert assigned(commands) == start.node
     incident = last_incident(commands)
     assert incident.state is State.HEALED and incident.relations == ("poor",)
 

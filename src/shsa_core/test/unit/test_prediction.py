@@ -12,8 +12,7 @@ from shsa_core.codegen.prediction import P95, predictor
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.model.error import Error
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation, SourceTable
 from shsa_core.search.best import BestDerivations
@@ -48,7 +47,7 @@ def sensor(
 
 def derive(ontology: Ontology, name: str, *sources: Source) -> Derivation:
     """The best derivation from these sources alone."""
-    best = BestDerivations(ontology.network, SourceTable(ontology.network, sources))
+    best = BestDerivations(SourceTable(ontology.network, sources))
     number = ontology.network.number(name)
     assert best.settle(number)
     return best.ratings.derivation(number)

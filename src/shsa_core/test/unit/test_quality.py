@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from shsa_core.model.quality import UNIT, cost
+from shsa_core.model.ontology import UNIT, cost
 
 
 def test_the_best_quality_costs_nothing_and_any_other_something() -> None:

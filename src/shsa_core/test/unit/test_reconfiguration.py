@@ -76,7 +76,7 @@ def test_the_incident_records_every_step() -> None:
     incident = last_incident(robot.said)
     assert incident.state is State.HEALED and incident.substitute == node
     steps = (incident.last_good, incident.detected, incident.found, incident.killed)
-    assert steps == (9.98, 10.0, 10.001, 10.01)
+    assert steps == (9.98, 10.0, 10.0, 10.01)
     assert (incident.spawned, incident.first_message) == (10.02, 10.5)
     assert incident.outage is not None and abs(incident.outage - 0.52) < 1e-9
 
@@ -240,16 +240,44 @@ def test_a_row_that_turns_failed_is_the_failure() -> None:
     assert not has(robot.table(10.7), events.StartSubstitute)
 
 
-def test_a_failure_that_is_told_besides_is_the_same_and_brings_the_last_message() -> None:
+def gone(since: float, last_message: bytes = b"") -> PublisherHealth:
+    """The row of A that has died."""
+    whose = "/a", A, PublisherState.FAILED, since, 1.0, since - 0.02
+    return PublisherHealth(*whose, Kind.NODE_GONE, "it died.", last_message=last_message)
+
+
+def test_a_row_may_bring_the_last_message_after_the_failure() -> None:
     robot = Robot()
-    robot.row("/a", A, "failed", 10.0)
-    start = only(robot.table(10.01), events.StartSubstitute)
-    told = events.FailureSeen(
-        10.0, "a", "/a", A, Kind.NODE_GONE, "it died", 9.98, last_message=b"last"
-    )
-    commands = robot.handle(told)
+    commands = robot.handle(events.HealthSeen(10.0, (gone(10.0),)))
+    start = only(commands, events.StartSubstitute)
+    commands = robot.handle(events.HealthSeen(10.1, (gone(10.0, b"last"),)))
     assert robot.shown[start.node].last_message == b"last"
-    assert not has(commands, events.ShowIncident)
+    assert not has(commands, events.ShowIncident) and not has(commands, events.Log)
+
+
+@pytest.mark.parametrize("since", [9.0, 10.0, 10.3])
+def test_a_failure_that_is_told_besides_or_by_a_clock_that_is_ahead_is_the_same(
+    since: float,
+) -> None:
+    robot = Robot()
+    robot.handle(events.HealthSeen(10.0, (gone(10.0),)))
+    assert robot.handle(events.HealthSeen(10.4, (gone(since),))) == []
+    assert robot.failure("/a", A, since, "node_gone", "it died.", 9.9) == []
+
+
+def test_who_is_accused_once_more_is_judged_once_more() -> None:
+    robot = Robot()
+    robot.failure("/a", C, 10.0, "out_of_range", "99 is out of range.", 9.9)
+    robot.killed(10.1, C, certain=False)
+    again = robot.failure("/a", C, 11.0, "out_of_range", "99 is out of range.", 9.9)
+    assert has(again, events.FindNode)
+
+
+def test_what_is_told_of_a_process_that_was_there_before_is_not_held_against_the_next() -> None:
+    robot = Robot()
+    robot.row("/a", A, "healthy", 9.0)
+    robot.table(9.1)
+    assert robot.failure("/a", A, 8.9, "out_of_range", "99 is out of range.", 8.0) == []
 
 
 def test_a_topic_that_nobody_needs_is_left_alone() -> None:
@@ -331,7 +359,7 @@ def test_a_silent_node_on_another_computer_is_left_alone_and_nobody_waits_for_it
     assert only(robot.table(10.51), events.FindNode).node == A
     commands = robot.handle(events.NodeFound(10.52, A, events.Where.ELSEWHERE))
     assert not has(commands, events.AskToLeave) and publishing(robot) == (True,)
-    assert "left alone there" in last_incident(commands).detail
+    assert "no agent says" in last_incident(commands).detail
     robot.row("/a", A, "healthy", 12.0)  # the link is up again
     assert last_incident(robot.table(12.0)).state is State.RETURNING
 

@@ -8,7 +8,7 @@ import pytest
 
 from shsa_core.errors import ModelError
 from shsa_core.healing.settings import Settings
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
@@ -33,8 +33,8 @@ def test_placements_are_checked_as_seen_from_the_computer_that_it_runs_on(
     ontology = Ontology({}, {}, [])
     monkeypatch.setattr(reconfigurator, "Signing", lambda _: None)
     monkeypatch.setattr(reconfigurator, "read_models", lambda *_: (ontology, SOM))
-    monkeypatch.setattr(reconfigurator, "mark_unusable", lambda som: (som, []))
-    monkeypatch.setattr(reconfigurator, "check_placements", check)
+    monkeypatch.setattr(reconfigurator.type_check, "mark_unusable", lambda som: (som, []))
+    monkeypatch.setattr(reconfigurator.schedulability, "check_placements", check)
     monkeypatch.setattr(reconfigurator.rospy, "get_param", lambda *_: {})
     arguments = Namespace(
         secret="", ontology="", som="", dry_run=False, restart_as_root=True, host="board"

@@ -11,8 +11,8 @@ from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
 from shsa_core.ros.sockets.connection import Wanted
-from shsa_core.ros.sockets.reconnection import Answered, Reconnection, refuses
-from shsa_core.ros.sockets.subscriptions import Arrived, Looked
+from shsa_core.ros.sockets.reconnection import Doubt, Reconnection, refuses
+from shsa_core.ros.sockets.subscriptions import Arrived, Tick
 from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
@@ -22,7 +22,7 @@ def test_a_node_that_died_is_told_at_once(monitor: Monitor, node: Node) -> None:
     node.die()
     begun = time.monotonic()
     monitor.until(lambda: bool(monitor.seen))
-    assert monitor.kinds() == ["Gone"]
+    assert monitor.kinds() == ["Disconnected"]
     assert time.monotonic() - begun < 0.1 and node.asked == 0
 
 
@@ -35,7 +35,7 @@ def test_to_look_whether_a_node_is_gone_takes_no_time(node: Node) -> None:
 
 
 def test_one_look_does_for_all_topics_of_a_node(node: Node) -> None:
-    reconnection = Reconnection(lambda answered: None)
+    reconnection = Reconnection(lambda *_: None)
     begun = time.monotonic()
     assert not any(reconnection.is_gone(HOST, node.uri) for _ in range(1000))
     assert time.monotonic() - begun < 0.5
@@ -67,7 +67,10 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
     node.answers = False
     node.close_connections()
     monitor.until(lambda: monitor.kinds() == ["Interrupted"])
-    monitor.connections._tell(Answered(monitor.topic, node.uri, True, 0))
+    reconnection = monitor.connections._reconnection
+    (now,) = reconnection._doubts.values()
+    before = Doubt(now.topic, now.uri, now.implementation, "/node", HOST, now.until)
+    assert reconnection._answered(before, True) == [] and now.waits
     monitor.turn()
     monitor.turn()
     assert monitor.kinds() == ["Interrupted"]
@@ -76,7 +79,7 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(monitor: Monitor, 
 def test_two_connections_of_which_each_end_drops_another(monitor: Monitor, node: Node) -> None:
     """Do as a subscriber that is told twice, and a publisher that sees the second one first."""
     monitor.connect(node)
-    implementation = monitor.connections._implementations[monitor.topic]
+    implementation = monitor.connections.topics[monitor.topic]
     node.drops = 1
     first = implementation.connections[0]
     monitor.hear_of(node)  # rospy drops the first one, the publisher the second
@@ -108,8 +111,8 @@ def test_a_node_that_offers_the_topic_no_more_is_gone(monitor: Monitor, node: No
     monitor.connect(node)
     node.offers = False
     node.close_connections()
-    monitor.until(lambda: "Gone" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Gone"]
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
 
 
 def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: Node) -> None:
@@ -117,8 +120,8 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     node.answers = False
     begun = time.monotonic()
     node.close_connections()
-    monitor.until(lambda: "Gone" in monitor.kinds())
-    assert monitor.kinds() == ["Interrupted", "Gone"]
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
     assert settings.CALL_S <= time.monotonic() - begun < settings.CALL_S + 0.3
 
 
@@ -134,7 +137,7 @@ def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(
     monitor.until(lambda: len(standing) == 1)
     assert monitor.kinds() == ["Connected"]
     successor.die()
-    monitor.until(lambda: monitor.kinds() == ["Connected", "Gone"])
+    monitor.until(lambda: monitor.kinds() == ["Connected", "Disconnected"])
 
 
 def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node: Node) -> None:
@@ -173,8 +176,8 @@ def test_the_look_stands_between_what_came_before_and_after_it(
         """The kernel does so a little after it was asked to."""
         found = monitor.connections.read()
         told = [each.data if isinstance(each, Arrived) else type(each) for each in found]
-        assert told == [b"before", Looked, b"after"] or told[-1] is Looked
-        return told[-1] is not Looked
+        assert told == [b"before", Tick, b"after"] or told[-1] is Tick
+        return told[-1] is not Tick
 
     wait_until(is_noted, 10.0, "the kernel notes when something comes")
     other.die()
@@ -237,7 +240,7 @@ def test_nothing_is_kept_of_a_node_that_comes_and_goes(monitor: Monitor) -> None
         node.send(framed(b"data"))
         monitor.until(lambda: bool(monitor.data))
         node.die()
-        monitor.until(lambda: monitor.kinds() == ["Gone"])
+        monitor.until(lambda: monitor.kinds() == ["Disconnected"])
         monitor.seen.clear()
         monitor.data.clear()
         counts.append(kept())

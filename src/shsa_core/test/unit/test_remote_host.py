@@ -230,7 +230,7 @@ def test_a_later_reconfigurator_is_heard_and_the_former_no_more(cable: Cable) ->
 
 def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable) -> None:
     cable.host.carry_out(SUBSTITUTE, cable.now)
-    cable.tell(events.SubstituteStarted(0.0, SUBSTITUTE.node, 0.0))
+    cable.tell(events.SubstituteStarted(0.0, SUBSTITUTE.node))
     cable.running = [SUBSTITUTE.node]
     cable.host.carry_out(events.LearnNode("/a", "/x"), cable.now)
     cable.told.clear()
@@ -249,7 +249,7 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
     for start in (kept, ended):
         cable.host.carry_out(start, cable.now)
     for node in (SUBSTITUTE.node, kept.node, ended.node):
-        cable.tell(events.SubstituteStarted(0.0, node, 0.0))
+        cable.tell(events.SubstituteStarted(0.0, node))
     cable.tell(events.NodeRestarted(0.0, "/a"))
     cable.whole = False
     cable.pass_time(2.0)

@@ -8,10 +8,9 @@ from shsa_testing.models import law, ontology, source
 from shsa_core.analysis.check import check_model
 from shsa_core.analysis.schedulability import check_placements
 from shsa_core.healing.settings import Settings
-from shsa_core.model.cost import cost, idle_cost, traffic
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host, cost, idle_cost, traffic
+from shsa_core.model.service import Placement, Service
 from shsa_core.model.kinds import Policy, Standby
-from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 
 ROBOT = ontology(law("rolling", "speed", "left"), law("turning", "turn", "left"))

@@ -57,7 +57,7 @@ class Pair:
             raise ConnectionRefusedError
         now = time.monotonic_ns()
         told = Proof(self.theirs._boot, "pi", places.master_seen(), now, time.time_ns())
-        return Answer([written(self.theirs._secret, asked, told)], now, now)
+        return Answer(written(self.theirs._secret, asked, told), now, now)
 
     def send(self, data: bytes, sender: str = "/monitor") -> None:
         """Have a message come."""

@@ -13,7 +13,8 @@ from shsa_core.files.som_file import (
     read_som,
     som_parameters,
 )
-from shsa_core.model.host import Host, Placement
+from shsa_core.model.cost import Host
+from shsa_core.model.service import Placement
 from shsa_core.model.kinds import OnPartition
 
 HOSTS: Dict[str, Any] = {"raspberry_pi": {"cores": 4, "link": 1e7}, "mainboard": {}}

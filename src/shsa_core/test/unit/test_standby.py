@@ -4,7 +4,19 @@ from typing import Sequence
 
 import pytest
 
-from core_robot import A, B, C, Robot, has, last_incident, only, publishing, reads, service
+from core_robot import (
+    A,
+    B,
+    C,
+    Robot,
+    assigned,
+    has,
+    last_incident,
+    only,
+    publishing,
+    reads,
+    service,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Others, Standby
@@ -21,7 +33,7 @@ def test_a_warm_topic_takes_an_idle_process_and_the_pool_is_refilled() -> None:
     idle = only(robot.said, events.StartSubstitute)
     assert idle.program is None
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.AssignSubstitute).node == idle.node
+    assert assigned(commands) == idle.node
     row = robot.shown[idle.node]
     assert (row.service, row.topics, row.publishing) == ("a", ("/a",), True)
     assert robot.core.deadline == 11.0
@@ -73,7 +85,7 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
     robot = Robot(standby("warm"))
     silent = only(robot.said, events.StartSubstitute).node
     robot.connects(2.0, "/a", silent)
-    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == silent
+    assert assigned(robot.fail("/a", A, 10.0)) == silent
     robot.killed(10.01, A)
     assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
     commands = robot.handle(events.Tick(12.0))
@@ -86,7 +98,7 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
 def test_a_process_that_is_still_starting_is_given_the_time_of_a_start(mode: str) -> None:
     robot = Robot(standby(mode))
     node = only(robot.said, events.StartSubstitute).node  # at 1.0
-    assert only(robot.fail("/a", A, 2.0), events.AssignSubstitute).node == node
+    assert assigned(robot.fail("/a", A, 2.0)) == node
     robot.killed(2.01, A)
     assert not has(robot.handle(events.Tick(5.9)), events.StopSubstitute)
     robot.connects(5.95, "/a", node)
@@ -122,7 +134,7 @@ def test_a_hot_topic_has_a_muted_substitute_that_publishes_at_once() -> None:
     assert start.program is not None and start.program.inputs == ("/b/data",)
     assert publishing(robot) == (False,)
     commands = robot.fail("/a", A, 10.0)
-    assert only(commands, events.AssignSubstitute).node == start.node
+    assert assigned(commands) == start.node
     assert not has(commands, events.StartSubstitute)
     assert isinstance(commands[0], events.ShowSubstitutions)
     assert publishing(robot) == (True,)
@@ -133,7 +145,7 @@ def test_a_hot_substitute_follows_the_plan_in_the_same_process() -> None:
     node = only(robot.said, events.StartSubstitute).node
     robot.row("/b", B, "failed", 5.0)
     commands = robot.table(5.0) + robot.idle(5.0)
-    assert only(commands, events.AssignSubstitute).node == node
+    assert assigned(commands) == node
     assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
 
 
@@ -155,7 +167,7 @@ def test_a_hot_substitute_whose_law_does_not_hold_follows_the_next_and_later_loo
     robot = Robot(standby("hot"), retry_limit=60.0)
     node = only(robot.said, events.StartSubstitute).node
     commands = no_value(robot, node, 5.0)
-    assert only(commands, events.AssignSubstitute).node == node
+    assert assigned(commands) == node
     assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
     robot.handle(events.Tick(66.0))
     assert reads(robot, node) == ("/b/data",)
@@ -170,7 +182,7 @@ def test_a_law_that_ceases_to_hold_makes_room_for_the_next_in_the_same_process(m
     robot.row("/a", row.node, "healthy", 10.05, first=10.05)
     assert last_incident(robot.table(10.06)).state is State.HEALED
     commands = no_value(robot, row.node, 11.0)
-    assert only(commands, events.AssignSubstitute).node == row.node
+    assert assigned(commands) == row.node
     assert not has(commands, events.StopSubstitute)
     assert last_incident(commands).state is State.HEALED
     assert reads(robot, row.node) == ("/c/data",) and publishing(robot) == (True,)
@@ -242,20 +254,20 @@ def test_a_process_that_was_heard_is_set_to_work_rather_than_one_that_was_not() 
     robot.handle(events.Tick(5.0))
     _, second = (row.node for row in robot.idle_rows())
     robot.handle(events.ProcessPulse(6.0, second, True))
-    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == second
+    assert assigned(robot.fail("/a", A, 30.0)) == second
 
 
 def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was_heard() -> None:
     robot = Robot(standby("warm"), pool=1)
     (hung,) = (row.node for row in robot.idle_rows())
-    assert only(robot.fail("/a", A, 10.0), events.AssignSubstitute).node == hung
+    assert assigned(robot.fail("/a", A, 10.0)) == hung
     robot.killed(10.01, A)
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute).node
     assert not has(robot.handle(events.Tick(12.0)), events.StopSubstitute)
     robot.handle(events.ProcessPulse(12.5, refill, True))
     commands = robot.handle(events.Tick(14.0))
     assert events.StopSubstitute(hung) in commands
-    assert only(commands, events.AssignSubstitute).node == refill
+    assert assigned(commands) == refill
 
 
 def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
@@ -263,19 +275,18 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     (row,) = robot.idle_rows()
     commands = robot.handle(events.ProcessPulse(30.0, row.node, False))
     assert only(commands, events.StopSubstitute).node == row.node
-    assert [each.node for each in robot.idle_rows()] == [
-        only(commands, events.StartSubstitute).node
-    ]
+    start = only(robot.handle(events.Tick(32.0)), events.StartSubstitute)
+    assert [each.node for each in robot.idle_rows()] == [start.node]
 
 
 def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
     robot = Robot(standby("warm"), pool=2)
     robot.handle(events.Tick(5.0))
     first, second = (row.node for row in robot.idle_rows())
-    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == first
+    assert assigned(robot.fail("/a", A, 30.0)) == first
     commands = robot.handle(events.ProcessPulse(30.2, first, False))
     assert only(commands, events.StopSubstitute).node == first
-    assert only(commands, events.AssignSubstitute).node == second
+    assert assigned(commands) == second
     assert publishing(robot) == (True,)
 
 

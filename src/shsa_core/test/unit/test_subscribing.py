@@ -20,7 +20,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.subscribing import HandedOver, ask_in_time, subscribe
 from shsa_core.ros.settings import LARGEST_HEADER_B
-from shsa_core.ros.sockets.subscriptions import Looked, Subscriptions, _Closed, _Made
+from shsa_core.ros.sockets.subscriptions import Subscriptions, Tick
 from shsa_testing.raw_publisher import RawPublisher
 from shsa_testing.waiting import wait_until
 
@@ -145,17 +145,17 @@ def test_a_connection_that_rospy_closes_before_it_is_taken_over_is_none() -> Non
     rospy.rostime.set_rostime_initialized(True)
     subscriptions = Subscriptions(time.monotonic, lambda *_: None)
     ignored = lambda _: None
-    subscriptions._implementations["/topic"] = HandedOver("/topic", ignored, ignored)
+    subscriptions.topics["/topic"] = HandedOver("/topic", ignored, ignored)
     transport = connecting()
     transport.socket, other = socket.socketpair()
     transport.header = {"callerid": "/node"}
     with other:
         transport.socket.close()
-        subscriptions._tell(_Made("/topic", transport))
-        assert [type(each) for each in subscriptions.read()] == [Looked]
+        subscriptions._tell("/topic", lambda: subscriptions._take_over("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Tick]
         assert not subscriptions._standing
-        subscriptions._tell(_Closed("/topic", transport))
-        assert [type(each) for each in subscriptions.read()] == [Looked]
+        subscriptions._tell("/topic", lambda: subscriptions._closed("/topic", transport))
+        assert [type(each) for each in subscriptions.read()] == [Tick]
 
 
 def test_who_has_the_port_of_a_dead_publisher_is_held_up_for_a_moment_alone(

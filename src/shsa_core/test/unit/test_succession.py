@@ -4,7 +4,19 @@ from typing import Any, Dict, List, Tuple
 
 import pytest
 
-from core_robot import A, B, ONTOLOGY, SOM, Robot, has, last_incident, only, publishing, service
+from core_robot import (
+    A,
+    B,
+    ONTOLOGY,
+    SOM,
+    Robot,
+    assigned,
+    has,
+    last_incident,
+    only,
+    publishing,
+    service,
+)
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
@@ -87,7 +99,7 @@ def test_idle_processes_stay_ready() -> None:
     assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
     robot.table(20.1)
     robot.idle(20.2)
-    assert only(robot.fail("/a", A, 30.0), events.AssignSubstitute).node == idle.node
+    assert assigned(robot.fail("/a", A, 30.0)) == idle.node
 
 
 def test_an_idle_process_that_has_taken_over_by_itself_is_adopted() -> None:
@@ -102,7 +114,7 @@ def test_an_idle_process_that_has_taken_over_by_itself_is_adopted() -> None:
     robot.rows["/a", A] = gone
     robot.row("/a", second.node, "healthy", 19.6, first=19.6)
     commands = robot.table(20.1)
-    assert only(commands, events.AssignSubstitute).node == second.node
+    assert assigned(commands) == second.node
     assert robot.shown[second.node].publishing and robot.shown[first.node].idle
     incident = last_incident(commands)
     assert (incident.state, incident.first_message) == (State.HEALED, 19.6)
@@ -117,9 +129,9 @@ def test_who_did_well_does_so_until_a_monitor_is_there() -> None:
     commands += robot.handle(events.Tick(40.0))  # both healers died, and the monitor starts slowly
     assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
     del robot.rows["/b", B]
-    assert not has(robot.table(40.1), events.AssignSubstitute)
+    assert not has(robot.table(40.1), events.ShowSubstitutions)
     commands = robot.handle(events.Tick(45.2))
-    assert only(commands, events.AssignSubstitute).node == node
+    assert assigned(commands) == node
     assert [row.topic for row in robot.shown[node].inputs] == ["/c"]
 
 

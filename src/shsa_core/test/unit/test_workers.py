@@ -91,7 +91,7 @@ def test_the_end_of_each_process_is_told_by_one_thread() -> None:
         process = Started([sys.executable, "-c", f"raise SystemExit({status})"], os.environ)
         children.keep(f"/{status}", process)
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
-    assert ended == {f"/{status}": status for status in range(5)}
+    assert ended == {f"/{status}": f"exit status {status}" for status in range(5)}
     assert threading.active_count() == before
 
 

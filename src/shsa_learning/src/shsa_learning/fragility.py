@@ -6,7 +6,7 @@ import networkx as nx
 
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
-from shsa_core.search.ratings import dependents
+from shsa_core.search.best import dependents
 
 AS_IT_IS = 1
 """The bit of what is lost already, whatever else fails; each bit above it stands for one cause."""

@@ -103,7 +103,7 @@ def dead_branches(ontology: Ontology, loss: Loss) -> List[DeadBranch]:
     network = ontology.network
     target = network.number(loss.name)
     table = SourceTable(network, (*loss.available, *loss.avoided))
-    best = BestDerivations(network, table, prune=False)
+    best = BestDerivations(table, prune=False)
     best.settle(target)
     dead = []
     near = deque([target])

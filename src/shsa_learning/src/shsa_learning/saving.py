@@ -14,8 +14,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.readers import plain, plain_entry
 from shsa_core.files.regular import read_text
 from shsa_core.model.error import Error, quality_of
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_learning.whole_file import write_whole
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_/*^%]*\Z")

@@ -11,7 +11,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Source
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import Derivation, SourceTable
-from shsa_core.search.nearest import nearest
+from shsa_core.search.depth_first import nearest
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ def find_substitute(
     without = frozenset(excluded)
     left = [source for source in sources if without.isdisjoint(source.names)]
     table = SourceTable(network, left)
-    for usable, whole in nearest(network, table, [number], None, steps):
-        best = BestDerivations(network, table, usable)
+    for usable, whole in nearest(table, [number], None, steps):
+        best = BestDerivations(table, usable)
         if best.settle(number):
             quality = max(best.ratings[number][4], SMALLEST_QUALITY)
             return Substitute(best.ratings.derivation(number), quality, whole)
@@ -63,9 +63,8 @@ def substitutes(
     `sources`: what may be used. Relations that cannot be executed count as well, and last of all
     what is not used by its error. `prefer` and the `limit` of the error as in `listing`.
     """
-    network = ontology.network
-    table = SourceTable(network, sources)
-    found = listing(network, table, [target], None, predictor, prefer, [limit], refused=True)
+    table = SourceTable(ontology.network, sources)
+    found = listing(table, [target], None, predictor, prefer, [limit], refused=True)
     for place, (rated, best) in enumerate(found):
         (derivation,) = rated.derivation.inputs
         error = None if predictor is None else predictor.of([derivation])[0]

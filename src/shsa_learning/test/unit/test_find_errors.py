@@ -6,8 +6,7 @@ from typing import Any, Callable, Dict, Tuple
 import pytest
 
 from shsa_core.cli.main import main
-from shsa_core.codegen.fusion import fuse
-from shsa_core.codegen.generator import generate
+from shsa_core.codegen.generator import fuse, generate
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.calibration import Calibration, CalibrationRow

@@ -17,8 +17,7 @@ from shsa_core.codegen.program import compile_program
 from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
-from shsa_core.model.network import Network
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology import Network, Ontology
 from shsa_core.model.som import Som
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, SourceTable
@@ -210,7 +209,7 @@ def test_the_first_found(imported: Imported, base: str, name: str, expected: Opt
     """What ORR finds; None: any will do."""
     ontology, som = imported(BASES[base])
     network: Network = ontology.network
-    found = first_found(network, SourceTable(network, som.sources), network.number(name))
+    found = first_found(SourceTable(network, som.sources), network.number(name))
     assert found is not None
     if expected is not None:
         assert set(found.derivation.relations()) == set(expected.split())

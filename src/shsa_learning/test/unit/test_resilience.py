@@ -13,8 +13,7 @@ from shsa_testing.models import every_derivation, law, ontology, random_model, s
 from shsa_core.analysis.check import check_model
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import GenerationError, NoSubstitute
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import SourceTable

@@ -14,8 +14,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_core.language.syntax import is_name
 from shsa_core.model.error import Error
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_learning.saving import save_ontology
 from shsa_testing.thorough import many
 

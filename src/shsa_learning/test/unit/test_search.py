@@ -8,8 +8,7 @@ from hypothesis.strategies import integers
 from shsa_testing.models import Rank, every_derivation, law, models, ontology, rank, source, usable
 
 from shsa_core.errors import NoSubstitute
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import SourceTable
@@ -89,7 +88,7 @@ def test_the_first_found_is_a_substitute_if_there_is_one(model: Model) -> None:
     robot, sources, excluded = model
     every = every_rank(model)
     table = SourceTable(robot.network, usable(sources, excluded))
-    found = first_found(robot.network, table, robot.network.number("a"))
+    found = first_found(table, robot.network.number("a"))
     if not every:
         assert found is None
     elif len(every) < MANY:
@@ -99,7 +98,7 @@ def test_the_first_found_is_a_substitute_if_there_is_one(model: Model) -> None:
 def first(robot: Ontology, sources: Sequence[Source], target: str) -> Sequence[str]:
     """Return the relations of the substitute that is found first."""
     network = robot.network
-    found = first_found(network, SourceTable(network, sources), network.number(target))
+    found = first_found(SourceTable(network, sources), network.number(target))
     assert found is not None
     return found.derivation.relations()
 

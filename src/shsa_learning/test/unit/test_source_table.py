@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shsa_testing.models import random_model, source, usable
 
-from shsa_core.model.network import Network
+from shsa_core.model.ontology import Network
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import LOST, SourceTable
 from shsa_learning.substitutes import substitutes

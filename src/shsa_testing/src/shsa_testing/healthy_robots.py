@@ -5,6 +5,7 @@ again; their computer is busy for a while, so that messages come late and all at
 are made anew, subscribers come and go. Monitor and reconfigurator are the real cores.
 """
 import heapq
+from functools import partial
 from math import cos, inf, nan
 from pathlib import Path
 from random import Random
@@ -534,15 +535,11 @@ class HealthyRobot:
 
         def up() -> None:
             if name in self._running:
-                self._heal(healing.SubstituteStarted(self.now, name, self.now))
+                self._heal(healing.SubstituteStarted(self.now, name))
                 self._heal(healing.ProcessPulse(self.now, name, True))
                 self._join(name)
 
         self._later(self.random.uniform(0.2, 0.6), up)
-
-    def _assign(self, command: healing.AssignSubstitute) -> None:
-        self._answer(healing.SubstituteStarted(self.now, command.node, self.now))
-        self._later(0.02, lambda: self._join(command.node))
 
     def _join(self, name: str) -> None:
         """A substitute connects for each row that it has, and speaks while that publishes."""
@@ -573,6 +570,8 @@ class HealthyRobot:
     def _show_substitutions(self, command: healing.ShowSubstitutions) -> None:
         for row in command.rows:
             before = self._rows.get(row_key(row))
+            if row.node in self._running and (before is None or before.code != row.code):
+                self._later(0.02, partial(self._join, row.node))
             if row.publishing and not (before is not None and before.publishing):
                 node = self.som.services[row.service].node
                 if self._is_well(node, self.now):
@@ -592,7 +591,6 @@ class HealthyRobot:
         healing.ClearNode: _clear,
         healing.LearnNode: _learn,
         healing.StartSubstitute: _start_substitute,
-        healing.AssignSubstitute: _assign,
         healing.StopSubstitute: _stop_substitute,
         healing.ShowSubstitutions: _show_substitutions,
     }

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_law
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation

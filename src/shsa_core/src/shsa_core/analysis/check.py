@@ -8,8 +8,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Sequence, Tupl
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.finding import Finding
-from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.takeover import slowest, takeovers
+from shsa_core.analysis.schedulability import check_placements, takeovers
 from shsa_core.analysis.type_check import check_healable, check_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
@@ -18,17 +17,19 @@ from shsa_core.errors import GenerationError, ModelError, ModelErrors, NoSubstit
 from shsa_core.errors import listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
-from shsa_core.files.trust import refuse_others_commands
+from shsa_core.files.som_file import refuse_others_commands
 from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import SourceTable
+
+
+SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values
 
 
 def check_files(
@@ -134,25 +135,19 @@ def _check_units(ontology: Ontology) -> Iterator[Finding]:
         if function.constraint is not None:
             mismatches += function.constraint.mismatches(units)
         for text, sure in dict.fromkeys(mismatches):
-            yield Finding(
-                "error" if sure else "warning",
-                function.where,
-                f"units of {_name(function)}: {text}",
-                "Correct the function or the units"
-                if sure
-                else "Correct it, or give the number that carries a unit a name in 'constants'",
-            )
+            level, todo = "error", "Correct the function or the units"
+            if not sure:
+                level = "warning"
+                todo = "Correct it, or give the number that carries a unit a name in 'constants'"
+            yield Finding(level, function.where, f"units of {_name(function)}: {text}", todo)
 
 
 def _check_functions(ontology: Ontology) -> Iterator[Finding]:
     for function in ontology.functions:
         if function.law is None:
-            yield Finding(
-                "warning",
-                function.where,
-                f"{_name(function)} cannot be executed: {function.text!r}",
-                "Searches count it, but no substitute can be made of it: write it as an expression",
-            )
+            what = f"{_name(function)} cannot be executed: {function.text!r}"
+            todo = "Searches count it, but no substitute is made of it: write it as an expression"
+            yield Finding("warning", function.where, what, todo)
             continue
         try:
             program = generate_function(function, ontology.constants)
@@ -161,25 +156,19 @@ def _check_functions(ontology: Ontology) -> Iterator[Finding]:
             continue
         count = len(function.inputs)
         if INTEGRAL in program.code and compile_program(program.code, count, 1).hidden:
-            yield Finding(
-                "warning",
-                function.where,
-                f"{_name(function)}: an integral within an expression starts at 0 in a substitute",
-                "Give the integral a property and a relation of its own: "
-                "a lost value that is nothing but an integral starts at its last good value",
-            )
+            what = "an integral within an expression starts at 0 in a substitute"
+            todo = "Give the integral a property and a relation of its own: "
+            todo += "a lost value that is nothing but an integral starts at its last good value"
+            yield Finding("warning", function.where, f"{_name(function)}: {what}", todo)
 
 
 def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
     for source in som.sources:
         if source.property not in ontology.properties:
             kind = "is a constant" if source.property in ontology.constants else "is not"
-            yield Finding(
-                "error",
-                source.provision.where,
-                f"{source.service.name} provides '{source.property}', which {kind} in the ontology",
-                "Correct the name, or add it to 'properties'",
-            )
+            what = f"{source.service.name} provides '{source.property}', which {kind} in the"
+            todo = "Correct the name, or add it to 'properties'"
+            yield Finding("error", source.provision.where, f"{what} ontology", todo)
 
 
 def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -195,16 +184,13 @@ def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:
     network = ontology.network
-    best = BestDerivations(network, SourceTable(network, sources))
+    best = BestDerivations(SourceTable(network, sources))
     for item in ontology.properties.values():
         if not best.settle(network.number(item.name)):
-            yield Finding(
-                "warning",
-                item.where,
-                f"{item.name} cannot be reached: no service provides it, "
-                "and no relation yields it from what services provide",
-                "Add a service or a relation, or remove the property",
-            )
+            what = f"{item.name} cannot be reached: no service provides it, "
+            what += "and no relation yields it from what services provide"
+            todo = "Add a service or a relation, or remove the property"
+            yield Finding("warning", item.where, what, todo)
 
 
 def _check_needed(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -242,47 +228,43 @@ def _check_gates(som: Som) -> Iterator[Finding]:
     """Report gates without a hot substitute, which have nothing to publish instead of a message."""
     for service in som:
         if service.gated and not (service.needed and service.standby is Standby.HOT):
-            yield Finding(
-                "warning",
-                service.where,
-                f"{service.name} has a gate, but no hot substitute: "
-                "what the gate suppresses is missing",
-                "Say 'needed: true' and 'standby: hot'",
-            )
+            what = f"{service.name} has a gate, but no hot substitute: what the gate suppresses is "
+            todo = "Say 'needed: true' and 'standby: hot'"
+            yield Finding("warning", service.where, f"{what}missing", todo)
 
 
 def _check_plan(service: Service, plan: Plan, causes: Iterable[str]) -> Iterator[Finding]:
     """Report what a substitute's quality does not tell; it should avoid `causes`."""
     shared = {c: source for source in plan.inputs for c in source.service.shared}
     for cause in (cause for cause in causes if cause in shared):
-        yield Finding(
-            "warning",
-            service.where,
-            f"{service.name} is needed, and fails with {cause}; "
-            f"so does {shared[cause].service.name}, which its substitute reads",
-            f"Add a relation or a service that does without {cause}",
-        )
+        what = f"{service.name} is needed, and fails with {cause}; "
+        what += f"so does {shared[cause].service.name}, which its substitute reads"
+        todo = f"Add a relation or a service that does without {cause}"
+        yield Finding("warning", service.where, what, todo)
     turned = [s for s in plan.inputs if is_angle(s.provision.field)]
     told = any(is_angle(each.provision.field) for each in plan.outputs)
     if turned and (told or INTEGRAL in plan.program.code):
-        yield Finding(
-            "warning",
-            service.where,
-            f"the substitute of {service.name} reads an angle of {turned[0].service.name}, "
-            "whose zero may be another",
-            f"An angle that {service.name} provides has its offset learned in a minute, else goes "
-            "on from the last good one. Where it provides none, integrate a rate",
-        )
+        what = f"the substitute of {service.name} reads an angle of {turned[0].service.name}, "
+        what += "whose zero may be another"
+        todo = f"An angle that {service.name} provides has its offset learned in a minute, else "
+        todo += "goes on from the last good one. Where it provides none, integrate a rate"
+        yield Finding("warning", service.where, what, todo)
     slow = slowest(service, plan.inputs)
     if slow is not None:
-        yield Finding(
-            "warning",
-            service.where,
-            f"{service.name} comes every {service.period:g} s; its substitute reads "
-            f"{slow.service.name}, which comes every {slow.service.period:g} s: "
-            "in between it repeats what is old",
-            "Add a faster service, or lower the quality of the slow one",
-        )
+        what = f"{service.name} comes every {service.period:g} s; its substitute reads "
+        what += f"{slow.service.name}, which comes every {slow.service.period:g} s: "
+        what += "in between it repeats what is old"
+        todo = "Add a faster service, or lower the quality of the slow one"
+        yield Finding("warning", service.where, what, todo)
+
+
+def slowest(service: Service, reads: Iterable[Source]) -> Optional[Source]:
+    """Return the slowest of some sources, if it is more than SLOW times as slow as the service."""
+    periodic = [source for source in reads if source.service.period is not None]
+    slow = max(periodic, key=lambda source: source.service.period or 0.0, default=None)
+    if slow is None or service.period is None:
+        return None
+    return slow if (slow.service.period or 0.0) > SLOW * service.period else None
 
 
 def _name(function: TransferFunction) -> str:

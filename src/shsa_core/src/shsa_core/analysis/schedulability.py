@@ -3,18 +3,26 @@
 It places them as healing does, by measured costs (docs/explanation/experiments.md), on hosts that
 have nothing else to do.
 """
-from typing import Dict, Iterable, Iterator, List, Sequence, Set, Tuple
+from typing import Callable, Collection, Dict, Iterator, List, Sequence, Set
 
 from shsa_core.analysis.finding import Finding
-from shsa_core.analysis.takeover import takeovers
+from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Service
+from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.planning.placement import OWN, Computers, Placement
+from shsa_core.search.derivation import SourceTable
+
+
+def takeovers(ontology: Ontology, sources: Collection[Source]) -> Callable[[Service], Plan]:
+    """Return what plans for a service whose node fails; it raises what `plan_service` raises."""
+    table, errors = SourceTable(ontology.network, sources), predictor(ontology, sources)
+    return lambda service: plan_service(ontology, service, table, [service.node], predictor=errors)
 
 
 def check_placements(
@@ -29,8 +37,8 @@ def check_placements(
         return
     schedule = _Schedule(ontology, som, settings, own)
     yield from schedule.stand_by()
-    for services in _by_node(som):
-        yield from schedule.after(services)
+    for node in dict.fromkeys(service.node for service in som.may_be_needed()):
+        yield from schedule.after([each for each in som.may_be_needed() if each.node == node])
 
 
 class _Schedule:
@@ -84,7 +92,6 @@ class _Schedule:
         return [each for each in placed if each.standby is standby]
 
     def _place(self, service: Service) -> Iterator[Finding]:
-        """Place a substitute, and report why it is not where it should be."""
         inputs, why = self._reads[service.name], ""
         try:
             place = self._placement.place(0.0, service, inputs)
@@ -101,13 +108,4 @@ class _Schedule:
             yield Finding("warning", service.where, what, todo)
 
     def _names(self, host: str) -> Set[str]:
-        """Return the names by which services call a host."""
         return {host, self._hosts.in_som(host)}
-
-
-def _by_node(som: Som) -> Iterable[Tuple[Service, ...]]:
-    """Group the needed services by node."""
-    nodes: Dict[str, List[Service]] = {}
-    for service in som.may_be_needed():
-        nodes.setdefault(service.node, []).append(service)
-    return map(tuple, nodes.values())

@@ -38,21 +38,17 @@ def check_healable(som: Som) -> Iterator[Finding]:
         action = _ACTIONS if service.type.endswith(_ACTION_ENDINGS) else ""
         why = NOT_HEALABLE.get(service.type, action)
         if why:
-            yield Finding(
-                "warning",
-                service.where,
-                f"{service.name} is needed, but no substitute can publish a {service.type}: {why}",
-                "Leave 'needed' out, or give it a policy of restart",
+            what = (
+                f"{service.name} is needed, but no substitute can publish a {service.type}: {why}"
             )
+            todo = "Leave 'needed' out, or give it a policy of restart"
+            yield Finding("warning", service.where, what, todo)
         for provision in service.provides:
             if reduces(provision.field):
-                yield Finding(
-                    "error",
-                    provision.where,
-                    f"{service.name} is needed, but {provision.field} is read-only: "
-                    "nothing can publish it again",
-                    "Give a field that can be written, or leave 'needed' out",
-                )
+                what = f"{service.name} is needed, but {provision.field} is read-only: "
+                todo = "Give a field that can be written, or leave 'needed' out"
+                why = "nothing can publish it again"
+                yield Finding("error", provision.where, what + why, todo)
 
 
 def check_types(som: Som, types: Any) -> Iterator[Finding]:
@@ -98,13 +94,9 @@ def _check_field(service: Service, source: Source, types: Any) -> Iterator[Findi
     if limits is None:
         return
     if limits[0] < found.low - slack or limits[1] > found.high + slack:
-        yield Finding(
-            "warning",
-            provision.where,
-            f"the range [{limits[0]:g}, {limits[1]:g}] of {source.property} goes beyond what "
-            f"{provision.field} can hold: {found.kind}, {found.low:g} to {found.high:g}",
-            "Narrow the range",
-        )
+        what = f"the range [{limits[0]:g}, {limits[1]:g}] of {source.property} goes beyond what "
+        what += f"{provision.field} can hold: {found.kind}, {found.low:g} to {found.high:g}"
+        yield Finding("warning", provision.where, what, "Narrow the range")
 
 
 class Problem(NamedTuple):

@@ -83,7 +83,6 @@ def command_line(only: str = "") -> Tuple[argparse.ArgumentParser, Dict[str, Any
 
 
 def _modules() -> Dict[str, str]:
-    """Map the name of each command that is installed to its module."""
     found = {}
     for package in {each.name for each in pkgutil.iter_modules() if each.name.startswith("shsa_")}:
         spec = importlib.util.find_spec(f"{package}.cli")

@@ -47,10 +47,7 @@ class CheckedCode:
 
 
 def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
-    """Read code that has the shape of the paper's listing and the generator's code.
-
-    Raises CodeError for anything else.
-    """
+    """Return the meaning of code of the shape of the paper's listing. Raises CodeError."""
     if len(code) > MAX_CODE:
         raise CodeError(f"the code has {len(code)} characters; at most {MAX_CODE} are allowed")
     foreign = _NOT_ALLOWED.search(code)
@@ -58,12 +55,11 @@ def check_code(code: str, n_inputs: int, n_outputs: int) -> CheckedCode:
         line = code.count("\n", 0, foreign.start()) + 1
         raise CodeError(f"line {line}: the character {foreign.group()!a} is not allowed in code")
     try:
-        body = ast.parse(code, NO_FILE).body
+        return _Reader(ast.parse(code, NO_FILE).body).read(n_inputs, n_outputs)
     except SyntaxError as error:
         raise CodeError(f"line {error.lineno}: not Python: {error.msg}") from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
         raise CodeError("the code is nested too deeply") from error
-    return _Reader(body).read(n_inputs, n_outputs)
 
 
 class _Reader:
@@ -71,7 +67,6 @@ class _Reader:
 
     def __init__(self, body: Sequence[ast.stmt]) -> None:
         self._body = list(body)
-        self._next = 0
         self._lines: Dict[str, int] = {}
         self._used: Set[str] = set()
         self._delays = 0
@@ -79,43 +74,34 @@ class _Reader:
     def read(self, n_inputs: int, n_outputs: int) -> CheckedCode:
         """Return the meaning of the code."""
         for index in range(n_inputs):
-            self._read_input(index)
+            line = f"t{index}=x[{index}]"
+            self._expect(self._take(f"'{line}'"), line, f"'{line}'")
         relations: List[CheckedRelation] = []
-        statement = self._peek()
-        while isinstance(statement, ast.FunctionDef):
+        while self._body and isinstance(self._body[0], ast.FunctionDef):
+            definition = self._body[0]
+            del self._body[0]
             if len(relations) == MAX_RELATIONS:
-                self._fail(statement, f"at most {MAX_RELATIONS} functions are allowed")
-            self._next += 1
-            relations.append(self._read_relation(statement, len(relations) + 1))
-            statement = self._peek()
+                self._fail(definition, f"at most {MAX_RELATIONS} functions are allowed")
+            relations.append(self._read_relation(definition, f"_tf{len(relations) + 1}"))
         outputs = self._read_outputs(n_outputs)
-        for name, line in self._lines.items():
+        for name, line_number in self._lines.items():
             if name not in self._used:
-                raise CodeError(f"line {line}: {name} is computed but not used")
+                raise CodeError(f"line {line_number}: {name} is computed but not used")
         return CheckedCode(n_inputs, tuple(relations), outputs)
 
-    def _peek(self) -> Optional[ast.stmt]:
-        return self._body[self._next] if self._next < len(self._body) else None
-
     def _take(self, what: str) -> ast.stmt:
-        statement = self._peek()
-        if statement is None:
+        if not self._body:
             raise CodeError(f"the code ends where {what} is due")
-        self._next += 1
-        return statement
+        return self._body.pop(0)
 
     def _fail(self, node: Union[ast.stmt, ast.expr], what: str) -> NoReturn:
         raise CodeError(f"line {node.lineno}: {what}")
 
-    def _assignment(self, target: str, what: str) -> ast.expr:
-        """Return the right side of the next statement, which must be `target=...`."""
-        statement = self._take(what)
-        if not isinstance(statement, ast.Assign) or _assigned(statement) != target:
+    def _expect(self, statement: ast.stmt, line: str, what: str) -> None:
+        """Check that a statement is this line, which gives the next variable a value."""
+        if ast.dump(statement) != ast.dump(ast.parse(line).body[0]):
             self._fail(statement, f"{what} is due here")
-        return statement.value
-
-    def _new_variable(self, node: ast.expr) -> None:
-        self._lines[f"t{len(self._lines)}"] = node.lineno
+        self._lines[f"t{len(self._lines)}"] = statement.lineno
 
     def _use(self, node: ast.expr) -> str:
         """Return the variable that the node names."""
@@ -124,40 +110,27 @@ class _Reader:
         self._used.add(node.id)
         return node.id
 
-    def _read_input(self, index: int) -> None:
-        what = f"'t{index}=x[{index}]'"
-        value = self._assignment(f"t{index}", what)
-        if ast.dump(value) != ast.dump(ast.parse(f"x[{index}]", mode="eval").body):
-            self._fail(value, f"{what} is due here")
-        self._new_variable(value)
-
-    def _read_relation(self, definition: ast.FunctionDef, number: int) -> CheckedRelation:
-        name = f"_tf{number}"
-        parameters = self._read_signature(definition, name)
-        constraint, steps, expression = self._read_body(definition, parameters)
-        result = f"t{len(self._lines)}"
-        call = self._assignment(result, f"'{result}={name}(...)'")
-        if (
-            not isinstance(call, ast.Call)
-            or _called(call) != name
-            or len(call.args) != len(parameters)
-        ):
-            self._fail(call, f"'{result}={name}(...)' with {len(parameters)} arguments is due here")
-        arguments = [self._use(argument) for argument in call.args]
-        if len(set(arguments)) < len(arguments):
-            self._fail(call, f"{name} gets the same argument twice")
-        self._new_variable(call)
-        inputs = dict(zip(parameters, arguments))
-        return CheckedRelation(result, inputs, constraint, tuple(steps), expression)
-
-    def _read_signature(self, definition: ast.FunctionDef, name: str) -> List[str]:
+    def _read_relation(self, definition: ast.FunctionDef, name: str) -> CheckedRelation:
         parameters = [f"i{index + 1}" for index in range(len(definition.args.args))]
         plain = ast.parse(f"def {name}({','.join(parameters)}): pass").body[0]
         assert isinstance(plain, ast.FunctionDef)
         extra = definition.decorator_list or definition.returns
         if definition.name != name or extra or ast.dump(definition.args) != ast.dump(plain.args):
             self._fail(definition, f"'def {name}(i1,i2,...)' is due here")
-        return parameters
+        constraint, steps, expression = self._read_body(definition, parameters)
+        result = f"t{len(self._lines)}"
+        what = f"'{result}={name}(...)' with {len(parameters)} arguments"
+        statement = self._take(what)
+        call = statement.value if isinstance(statement, ast.Assign) else None
+        given = call.args if isinstance(call, ast.Call) else []
+        if len(given) != len(parameters):
+            self._fail(statement, f"{what} is due here")
+        arguments = [self._use(argument) for argument in given]
+        self._expect(statement, f"{result}={name}({','.join(arguments)})", what)
+        if len(set(arguments)) < len(arguments):
+            self._fail(statement, f"{name} gets the same argument twice")
+        inputs = dict(zip(parameters, arguments))
+        return CheckedRelation(result, inputs, constraint, tuple(steps), expression)
 
     def _read_body(
         self, definition: ast.FunctionDef, parameters: Sequence[str]
@@ -198,9 +171,10 @@ class _Reader:
 
     def _read_require(self, statement: ast.stmt) -> ast.expr:
         call = statement.value if isinstance(statement, ast.Expr) else None
-        if not isinstance(call, ast.Call) or _called(call) != "require" or len(call.args) != 1:
+        arguments = call.args if isinstance(call, ast.Call) and not call.keywords else []
+        if getattr(getattr(call, "func", None), "id", "") != "require" or len(arguments) != 1:
             self._fail(statement, "'require(condition)' is due here")
-        return call.args[0]
+        return arguments[0]
 
     def _check(self, tree: ast.expr, known: Set[str], condition: bool) -> Set[str]:
         """Return the names that the tree uses."""
@@ -217,13 +191,15 @@ class _Reader:
         return set(used)
 
     def _read_outputs(self, n_outputs: int) -> Tuple[str, ...]:
-        value = self._assignment("y", "'y=...'")
-        extra = self._peek()
-        if extra is not None:
-            self._fail(extra, "nothing may follow 'y=...'")
+        statement = self._take("'y=...'")
+        if not isinstance(statement, ast.Assign) or _assigned(statement) != "y":
+            self._fail(statement, "'y=...' is due here")
+        if self._body:
+            self._fail(self._body[0], "nothing may follow 'y=...'")
+        value = statement.value
         nodes = [value] if n_outputs == 1 else value.elts if isinstance(value, ast.Tuple) else []
         if len(nodes) != n_outputs:
-            self._fail(value, f"y must have {n_outputs} values")
+            self._fail(statement, f"y must have {n_outputs} values")
         return tuple(self._use(node) for node in nodes)
 
 
@@ -232,8 +208,3 @@ def _assigned(statement: ast.stmt) -> Optional[str]:
     targets = statement.targets if isinstance(statement, ast.Assign) else []
     alone = targets[0] if len(targets) == 1 else None
     return alone.id if isinstance(alone, ast.Name) else None
-
-
-def _called(call: ast.Call) -> Optional[str]:
-    """Return the name of `name(...)` without keywords, None for any other call."""
-    return call.func.id if isinstance(call.func, ast.Name) and not call.keywords else None

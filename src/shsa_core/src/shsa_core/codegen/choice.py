@@ -4,12 +4,13 @@ from itertools import zip_longest
 from typing import Collection, Iterator, List, Mapping, NamedTuple
 from typing import Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.fusion import fused
+from shsa_core.codegen.generator import fused
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.model.error import Error, refusal
-from shsa_core.model.network import Network
+from shsa_core.model.kinds import Method
 from shsa_core.model.ontology import EMPTY
-from shsa_core.search.best import Usable
+from shsa_core.search.best import BestDerivations, Usable
+from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint, rate_source
 from shsa_core.search.ranking import Ranking
 
@@ -19,8 +20,6 @@ MOST_PARTS = 256
 """The most parts that they may have together: healing waits for the answer."""
 MARGIN = 0.1
 """By this share an error that was measured must be smaller than another one to come before it."""
-KNOWN, UNKNOWN = range(2)
-"""A known error comes before one that is not."""
 
 
 Listing = Iterator[Tuple[Rated, bool]]
@@ -28,7 +27,6 @@ Listing = Iterator[Tuple[Rated, bool]]
 
 
 def listing(
-    network: Network,
     table: SourceTable,
     properties: Sequence[str],
     usable: Optional[Usable],
@@ -36,20 +34,21 @@ def listing(
     prefer: Collection[str] = (),
     limits: Sequence[Optional[float]] = (),
     refused: bool = False,
+    method: Optional[str] = None,
 ) -> Listing:
     """Yield every joint derivation: by its errors, then by quality, or by quality alone.
 
-    Those by the relations to `prefer` come first. `limits` of the errors follow the properties. Of
-    those that are compared, what is not used by its error comes last if it is asked for as
-    `refused`, or where there is nothing else.
+    Those by the relations to `prefer` come first. `limits` of the errors follow the properties.
+    What is not used by its error comes last if it is `refused`, or where there is nothing else. By
+    quality alone the first one is that of a `method`, and may come again.
     """
-    numbers = [network.number(name) for name in properties]
-    number_of = (predictor or Predictor(EMPTY, ())).number
+    numbers = [table.network.number(name) for name in properties]
+    known = predictor if method in (None, Method.BEST) else None
+    number_of = (known or Predictor(EMPTY, ())).number
     given: Set[int] = set()
-    if predictor is not None or prefer:
-        question = network, table, usable
+    if known is not None or prefer:
         pairs = zip_longest(numbers, limits)
-        compared = [compare(*question, number, predictor, prefer, limit) for number, limit in pairs]
+        compared = [compare(table, usable, number, known, prefer, limit) for number, limit in pairs]
         complete = all(each.complete for each in compared)
         parts = [e.rated if refused else e.rated[: max(e.used, 1)] for e in compared]
         for places in joined([len(each) for each in parts]):
@@ -58,9 +57,26 @@ def listing(
             yield rated, complete
         if complete:
             return
-    for rated in Ranking(network, table, usable).joint(numbers):
+    elif method is not None:
+        firsts = [_first(table, usable, number, method) for number in numbers]
+        found = [rated for rated in firsts if rated is not None]
+        if len(found) < len(numbers):
+            return
+        yield rate_joint(found), method == Method.BEST
+    for rated in Ranking(table, usable).joint(numbers):
         if not given or number_of(rated.derivation) not in given:
             yield rated, not given
+
+
+def _first(
+    table: SourceTable, usable: Optional[Usable], number: int, method: str
+) -> Optional[Rated]:
+    """Return the derivation of a property by a method, much faster than to rank all."""
+    if method != Method.BEST:
+        return first_found(table, number, usable)
+    best = BestDerivations(table, usable)
+    best.settle(number)
+    return best.ratings.rated(number)
 
 
 class Compared(NamedTuple):
@@ -75,7 +91,6 @@ class Compared(NamedTuple):
 
 
 def compare(
-    network: Network,
     table: SourceTable,
     usable: Optional[Usable],
     number: int,
@@ -85,10 +100,10 @@ def compare(
 ) -> Compared:
     """Compare derivations of a property by what is preferred, and by their errors.
 
-    They are taken by turns from all relations that yield the property: which of them errs least
-    must not depend on their qualities. A fusion comes before all that it is of.
+    They are taken by turns from all relations that yield it: their qualities must not matter. A
+    fusion comes before all that it is of.
     """
-    ranking = Ranking(network, table, usable)
+    ranking = Ranking(table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
     parts: List[Rated] = []
     used: Set[Derivation] = set()
@@ -143,17 +158,13 @@ def _clearly_sorted(errors: Mapping[int, float]) -> List[int]:
 
 def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
-) -> Tuple[int, float, float]:
-    """Return what orders a derivation: the group, the share of the baseline, the expected error.
-
-    Another service of the property is a measurement of unknown error: it is compared by its
-    quality, not put behind every relation that has figures.
-    """
+) -> Tuple[bool, float, float]:
+    """Return what orders it: known errors first; another service of none goes by its quality."""
     baseline = predictor.baseline(derivation.property)
     if error is None:
         source = derivation.source
-        return (UNKNOWN, 0.0, 0.0) if source is None else (KNOWN, 1.0 - source.quality, 0.0)
-    return KNOWN, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
+        return source is None, 0.0 if source is None else 1.0 - source.quality, 0.0
+    return False, 1.0 if baseline is None else min(1.0, error.rms / baseline), error.rms
 
 
 def joined(counts: Sequence[int]) -> Iterator[Tuple[int, ...]]:

@@ -1,18 +1,23 @@
 """Generates a substitute's three strings from derivations (Section V-A3 of the paper)."""
 import re
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha1
 from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple, Union
 
 from shsa_core.codegen.checked_code import check_code
-from shsa_core.errors import CodeError, GenerationError, listed
-from shsa_core.language.expression import Condition, Law
-from shsa_core.model.ontology import Constant
-from shsa_core.model.relation import TransferFunction
+from shsa_core.errors import CodeError, ExpressionError, GenerationError, listed
+from shsa_core.language.expression import Condition, Law, parse_law
+from shsa_core.model.calibration import Calibration
+from shsa_core.model.ontology import Constant, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.substitution import Program
-from shsa_core.search.derivation import Derivation
+from shsa_core.search.derivation import Derivation, Rated, rate_function
 
+NAMES = ("first", "second", "third")
+"""Of what is fused, as the law calls it; so many at most."""
+_FUSION = re.compile(r"(fusion [\d:]+): (.+)")
+_INPUT = re.compile(r"\bi([123])\b")
 _DEFINITION = re.compile(r"def (\w+)\(.*\): # (.+)")
 _RESULT = re.compile(r"(\w+)=(?:(\w+)?\((.*)\)|(\w+))")
 
@@ -22,8 +27,7 @@ def generate(
 ) -> Program:
     """Return the program that computes each derivation for its output path, in order.
 
-    Every input is read once and every relation computed once, however often it is used.
-    Raises GenerationError, by name, where a relation has no executable function.
+    Each input is read and each relation computed once. Raises GenerationError, by name.
     """
     nodes = in_order([derivation for derivation, _ in derivations])
     inputs = {_place(source): i for i, source in enumerate(inputs_of([d for d, _ in derivations]))}
@@ -112,6 +116,56 @@ def _title(function: TransferFunction) -> str:
     return f"{function.relation}: {function.output}"
 
 
+class Fusion(NamedTuple):
+    """A weighted sum of derivations of its output, by errors measured together; the `way` of each.
+
+    It is a function as any other, by a relation that is named after the shares.
+    """
+
+    function: TransferFunction
+    ways: Tuple[str, ...]
+
+
+def fuse(derivations: Sequence[Derivation], parts: Sequence[Tuple[float, Calibration]]) -> Fusion:
+    """Return the fusion of derivations of a property: the sum of their shares, calibrated."""
+    words = ":".join(f"{100.0 * share:.0f}" for share, _ in parts)
+    sum_ = " + ".join(f"{s * each.gain:.6g}*{name}" for name, (s, each) in zip(NAMES, parts))
+    text = f"{sum_} {sum(share * each.offset for share, each in parts):+.6g}"
+    ways = tuple(way(derivation) for derivation in derivations)
+    return Fusion(_function(f"fusion {words}", derivations[0].property, text), ways)
+
+
+@lru_cache(maxsize=1000)
+def fusions_of(program: Program) -> Tuple[Fusion, ...]:
+    """Return the fusions that a generated program computes."""
+    found: List[Fusion] = []
+    for use in uses_of(program)[0]:
+        title = _FUSION.fullmatch(use.title)
+        if title is not None:
+            text = _INPUT.sub(lambda i: NAMES[int(i[1]) - 1], use.result.replace("return ", ""))
+            with suppress(ExpressionError):
+                each = Fusion(_function(title[1], title[2], text), use.inputs)
+                found += [each] if each.function.inputs == NAMES[: len(each.ways)] else []
+    return tuple(found)
+
+
+def _function(relation: str, output: str, text: str) -> TransferFunction:
+    law = parse_law(text)
+    return TransferFunction(relation, output, law.names, law, text=law.text)
+
+
+def fused(fusions: Sequence[Fusion], parts: Sequence[Rated]) -> List[Rated]:
+    """Return the fusions of some derivations of a property of which all parts are there."""
+    by_way: Dict[str, Rated] = {}
+    for rated in parts if fusions else ():
+        by_way.setdefault(way(rated.derivation), rated)
+    return [
+        rate_function(each.function, 0, [by_way[one] for one in each.ways])
+        for each in fusions
+        if all(one in by_way for one in each.ways)
+    ]
+
+
 def generate_function(function: TransferFunction, constants: Mapping[str, Constant]) -> Program:
     """Return the program of one function alone, from inputs of its own. Raises GenerationError."""
     provides = tuple(Provision(name, name) for name in function.inputs)
@@ -123,13 +177,11 @@ def generate_function(function: TransferFunction, constants: Mapping[str, Consta
 
 def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
     """Return the program that gives each of some sources a fixed value."""
-    lines: List[str] = []
-    for i, (source, value) in enumerate(values):
-        name = f"_tf{i + 1}"
-        lines.append(f"def {name}(): # safe value: {source.property}\n  return {_number(value)}")
-        lines.append(f"t{i}={name}()")
-    lines.append(_result([f"t{i}" for i in range(len(values))]))
-    return Program((), "\n".join(lines) + "\n", tuple(source.output for source, _ in values))
+    parts: List[Tuple[Derivation, str]] = []
+    for source, value in values:
+        function = _function("safe value", source.property, repr(value))
+        parts.append((Derivation(source.property, None, function), source.output))
+    return generate(parts, {})
 
 
 def _result(variables: Sequence[str]) -> str:

@@ -7,23 +7,20 @@ from itertools import islice
 from math import prod
 from typing import Collection, Iterable, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.choice import Listing, listing
+from shsa_core.codegen.choice import listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError, listed
 from shsa_core.model.error import Error, refusal
 from shsa_core.model.field import reduces
-from shsa_core.model.kinds import Others
-from shsa_core.model.network import Network
+from shsa_core.model.kinds import Method, Others
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.substitution import Program
-from shsa_core.search.best import BestDerivations, Usable
-from shsa_core.search.depth_first import first_found
-from shsa_core.search.derivation import Derivation, Rated, SourceTable, rate_joint
-from shsa_core.search.nearest import nearest
+from shsa_core.search.best import BestDerivations
+from shsa_core.search.derivation import Derivation, Rated, SourceTable
+from shsa_core.search.depth_first import nearest
 
-METHODS = ("best", "depth_first", "orr")  # orr: the paper's word for depth_first
 REFUSED_AT_MOST = 20
 """The most derivations that are passed over as too large for code, or too wrong."""
 SMALLEST_QUALITY = 5e-324
@@ -89,21 +86,21 @@ def plan_service(
 ) -> Plan:
     """Return the best plan for a lost service, other than those `tried`, from the table's sources.
 
-    It uses neither the service itself nor the services, topics, nodes and causes `excluded`, and
-    what shares a cause with the service only if nothing else will do. Where no plan gives all
-    values, it gives a `part`. `method`: `best`, or `depth_first`, the first found. With a
-    `predictor` the best is that of the smallest error. `steps`: as for `nearest`.
-    Raises NoSubstitute with what is missing, GenerationError if only relations that cannot be
-    executed would do, or if its messages cannot be written.
+    It uses neither the service itself nor what is `excluded`, and what shares a cause with it only
+    if nothing else will do. Where no plan gives all values, it gives a `part`. With a `predictor`
+    the best is that of the smallest error. `steps`: as for `nearest`. Raises NoSubstitute with what
+    is missing, GenerationError if no code can be generated, or its messages cannot be written.
     """
-    check_writable(service)
+    why = service.unwritable or read_alone(service)
+    if why:
+        raise GenerationError(f"no substitute for {service.name}: {why}")
     available = table.excluding([service.name, *excluded])
     none: ShsaError = NoSubstitute(service.properties, ())
     for whole in (True, False):
         for causes in (*service.avoided, ()):
             apart = available.excluding(causes)
-            outputs = service.sources if whole else _derivable(ontology.network, service, apart)
-            question = ontology, service.name, outputs, apart, method, tried, predictor, steps
+            outputs = service.sources if whole else _derivable(service, apart)
+            question = ontology, outputs, apart, method, tried, predictor, steps
             try:
                 plan = plan_sources(*question) if outputs else None
             except (NoSubstitute, GenerationError) as error:
@@ -127,7 +124,7 @@ def plan_witness(
 
     Raises ShsaError if there is none, or if it would only repeat what the service says.
     """
-    question = ontology, service.name, service.sources, table.excluding(excluded)
+    question = ontology, service.sources, table.excluding(excluded)
     plan = plan_sources(*question, predictor=predictor)
     if all(service.name in each.service.upstream for each in plan.inputs):
         raise NoSubstitute(service.properties, ())
@@ -145,19 +142,18 @@ def part(service: Service, lost: Collection[str]) -> Tuple[Source, ...]:
     return tuple(s for s in service.sources if s.provision.unknown_with not in unknown)
 
 
-def _derivable(network: Network, service: Service, table: SourceTable) -> Tuple[Source, ...]:
+def _derivable(service: Service, table: SourceTable) -> Tuple[Source, ...]:
     """Return what can be published of a service that lacks a value; nothing if it lacks none."""
     if len({source.provision.unknown_with for source in service.sources}) < 2:
         return ()
-    best = BestDerivations(network, table, network.executable)
-    names = service.properties
-    lost = [name for name in names if not best.settle(network.number(name))]
+    network = table.network
+    best = BestDerivations(table, network.executable)
+    lost = [name for name in service.properties if not best.settle(network.number(name))]
     return part(service, lost) if lost else ()
 
 
 def plan_sources(
     ontology: Ontology,
-    service: str,
     outputs: Sequence[Source],
     table: SourceTable,
     method: str = "best",
@@ -165,23 +161,21 @@ def plan_sources(
     predictor: Optional[Predictor] = None,
     steps: Optional[int] = None,
 ) -> Plan:
-    """Return the best plan for some sources of a service, from all that is in the table.
-
-    The rest is as in `plan_service`.
-    """
-    if method not in METHODS:
-        raise ModelError("method", f"{method!r} is not known; allowed are {', '.join(METHODS)}")
+    """Return the best plan for sources of one service, as `plan_service`, from all in the table."""
+    if method not in list(Method):
+        known = ", ".join(map(str, Method))
+        raise ModelError("method", f"{method!r} is not known; allowed are {known}")
     network, properties = ontology.network, [source.property for source in outputs]
-    prefer = outputs[0].service.prefer
     limits = [source.provision.fault_tolerant_error for source in outputs]
+    asked = predictor, outputs[0].service.prefer, limits
     refused: Optional[GenerationError] = None
     too_wrong = ""
     failed = set()
     numbers = [network.number(name) for name in properties]
-    for usable, whole in nearest(network, table, numbers, network.executable, steps):
-        found = _listing(network, table, properties, usable, method, predictor, prefer, limits)
+    for usable, whole in nearest(table, numbers, network.executable, steps):
+        found = listing(table, properties, usable, *asked, method=method)
         for rated, proven in islice(found, len(tried) + REFUSED_AT_MOST):
-            plan = make_plan(ontology, service, outputs, rated, proven and whole, predictor)
+            plan = make_plan(ontology, outputs, rated, proven and whole, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
             elif errs_too_much(plan):
@@ -211,7 +205,6 @@ def errs_too_much(plan: Plan) -> str:
 
 def make_plan(
     ontology: Ontology,
-    service: str,
     outputs: Sequence[Source],
     rated: Rated,
     proven_best: bool,
@@ -227,7 +220,7 @@ def make_plan(
     known = [error.quality for error in errors if error is not None and error.quality is not None]
     quality = prod(known) if len(known) == len(errors) else rated.quality
     return Plan(
-        service,
+        outputs[0].service.name,
         program,
         inputs_of(derivations),
         tuple(outputs),
@@ -249,13 +242,6 @@ def safe_values(service: Service) -> Optional[Plan]:
     return Plan(service.name, program, (), outputs, 0.0, (), False, (), (None,) * len(outputs))
 
 
-def check_writable(service: Service) -> None:
-    """Raise GenerationError if the messages of a service cannot be written, by whatever plan."""
-    why = service.unwritable or read_alone(service)
-    if why:
-        raise GenerationError(f"no substitute for {service.name}: {why}")
-
-
 def read_alone(service: Service) -> str:
     """Return why the fields of a service cannot be written by any type; empty if they can."""
     fields = (provision.field for provision in service.provides)
@@ -270,43 +256,11 @@ def program_of(
     return generate(parts, ontology.constants)
 
 
-def _listing(
-    network: Network,
-    table: SourceTable,
-    properties: Sequence[str],
-    usable: Optional[Usable],
-    method: str,
-    predictor: Optional[Predictor],
-    prefer: Collection[str],
-    limits: Sequence[Optional[float]],
-) -> Listing:
-    """Yield joint derivations: the best by `method`, then all, best first.
-
-    Where there are relations to `prefer`, they come first, by whatever method.
-    """
-    numbers = [network.number(name) for name in properties]
-    known = predictor if method == "best" else None
-    if known is not None or prefer:
-        yield from listing(network, table, properties, usable, known, prefer, limits)
-        return
-    if method == "best":  # much faster than to rank all
-        best = BestDerivations(network, table, usable)
-        for number in numbers:
-            best.settle(number)
-        firsts = [best.ratings.rated(number) for number in numbers]
-    else:
-        firsts = [first_found(network, table, number, usable) for number in numbers]
-    parts = [rated for rated in firsts if rated is not None]
-    if len(parts) == len(properties):
-        yield rate_joint(parts), method == "best"
-        yield from listing(network, table, properties, usable, None)
-
-
 def _nothing(
     ontology: Ontology, table: SourceTable, properties: Sequence[str], outputs: Sequence[Source]
 ) -> ShsaError:
     """Return why there is no plan: what is missing, or the relation that cannot be executed."""
-    best = BestDerivations(ontology.network, table)
+    best = BestDerivations(table)
     numbers = [ontology.network.number(name) for name in properties]
     lost = [number for number in numbers if not best.settle(number)]
     if lost:

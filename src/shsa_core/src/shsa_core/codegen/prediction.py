@@ -8,15 +8,13 @@ from copy import copy
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
 from random import Random
-from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Collection, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, Union
 
-from shsa_core.codegen.fusion import Fusion
-from shsa_core.codegen.generator import generate_function, in_order, way
+from shsa_core.codegen.generator import Fusion, generate_function, in_order, way
 from shsa_core.codegen.program import Step, compile_steady
 from shsa_core.errors import GenerationError
 from shsa_core.model.error import P95, Error
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Source
 from shsa_core.search.derivation import Derivation
 
@@ -72,7 +70,7 @@ class Predictor:
     worse than the best service of its property.
     """
 
-    def __init__(self, ontology: Ontology, sources: Iterable[Source]) -> None:
+    def __init__(self, ontology: Ontology, sources: Collection[Source]) -> None:
         self._ontology = ontology
         self._usual: Dict[str, Error] = {}
         self._best: Dict[str, float] = {}  # the highest quality of a property's services
@@ -85,11 +83,12 @@ class Predictor:
         self._values: Dict[int, Optional[Values]] = {}
         self._measured: Mapping[str, Error] = {}
         self.fusions: Sequence[Fusion] = ()
-        for function in ontology.functions:
-            self._take_baseline(function.output, function.error)
+        known = [(each.property, each.provision.error) for each in sources]
+        for name, error in [*((each.output, each.error) for each in ontology.functions), *known]:
+            if error is not None and error.baseline is not None:
+                self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
         for source in sources:
             name, error = source.property, source.provision.error
-            self._take_baseline(name, error)
             self._best[name] = max(source.quality, self._best.get(name, 0.0))
             if error is not None and (name not in self._usual or error.rms < self._usual[name].rms):
                 self._usual[name] = error
@@ -104,10 +103,7 @@ class Predictor:
         return self._baselines.get(name)
 
     def knowing(self, measured: Mapping[str, Error], fusions: Sequence[Fusion] = ()) -> "Predictor":
-        """Return it with errors that were `measured`, by the `way` of a derivation: they count.
-
-        `fusions`: those that have proven better than what they are of.
-        """
+        """Return it with errors that were `measured`, by their `way`, and proven fusions."""
         found = copy(self)
         found._measured, found.fusions = measured, fusions
         return found
@@ -187,10 +183,7 @@ class Predictor:
         return None if slopes is None else _sum(own, added, slopes, delay)
 
     def _above_usual(self, node: Derivation, part: Optional[_Part]) -> Optional[_Part]:
-        """Return what the error of an input has above the usual one; None: not known.
-
-        A measured relation has the usual errors of its inputs in its own already.
-        """
+        """Return what an input's error has above the usual one; None: not known."""
         usual = self._usual.get(node.property)
         if part is None:  # without figures it is as good as the best source of the property, or not
             source = node.source
@@ -203,19 +196,17 @@ class Predictor:
             return _EXACT
         have = _mean(part.variances())
         share = sqrt(max(0.0, 1.0 - _variance(usual) / have)) if have > 0.0 else 0.0
+        spread = part.spread.items() if share > 0.0 else ()
         return _Part(
             [bias - usual.bias for bias in part.bias],
-            {cause: _times(values, share) for cause, values in part.spread.items() if share > 0.0},
+            {cause: [share * v for v in values] for cause, values in spread},
             max(0.0, part.delay - usual.delay),
         )
 
     def _slopes(
         self, node: Derivation, added: Sequence[_Part], numbers: Mapping[Derivation, int]
     ) -> Optional[List[Values]]:
-        """Return how fast a function's result changes with each input, at each point.
-
-        By differences as wide as the input's error: where a law bends, that is what the error sees.
-        """
+        """Return how a result changes with each input, by differences as wide as its error."""
         step = self._step(node.function)
         columns = self._columns(node, numbers)
         if step is None or columns is None:
@@ -273,10 +264,6 @@ class Predictor:
             self._steps[id(function)] = step
         return self._steps[id(function)]
 
-    def _take_baseline(self, name: str, error: Optional[Error]) -> None:
-        if error is not None and error.baseline is not None:
-            self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
-
 
 def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:
     """Return a predictor for an ontology and the services of a SOM; None if no errors are known."""
@@ -330,10 +317,6 @@ def _slope(step: Step, x: Sequence[float], number: int, width: float) -> float:
 def _value(step: Step, x: Sequence[float]) -> float:
     result = step(x, 0.0)
     return nan if result is None else result[0]
-
-
-def _times(values: Values, factor: float) -> Values:
-    return [value * factor for value in values]
 
 
 def _mean(values: Values) -> float:

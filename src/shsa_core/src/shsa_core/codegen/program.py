@@ -1,17 +1,20 @@
 """Compiles a substitute's checked code into one Python function."""
 import ast
+import functools
 import math
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
-from shsa_core.codegen.rewriting import Fill, Inline
 from shsa_core.errors import CodeError
-from shsa_core.language.functions import ELAPSED, STATEFUL, namespace, power
+from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
 from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
-from shsa_core.language.trees import name_nodes
+from shsa_core.language.trees import literal, name_nodes, row
 
 INTEGRAL = "integral"
+MOST_WRITTEN_OUT = 64  # arguments
+MemoryOf = Callable[[str], Tuple[str, str]]
+"""Make a memory for one use of a stateful function; return its name and its value's."""
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
 Correct = Optional[Callable[[int, float], float]]
 
@@ -39,25 +42,93 @@ class CompiledProgram:
 def compile_program(
     code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, correct: Correct = None
 ) -> CompiledProgram:
-    """Check the code and compile it. Raises CodeError.
+    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
 
-    Stateful functions start anew after a gap of more than `max_gap` (s). `correct` gets the number
-    of an output and its value, and returns the one that all else is computed from.
+    `correct` gets an output's number and value, and returns what all else is computed from.
     """
     return _Compiler(max_gap, correct).compile(check_code(code, n_inputs, n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
-    """Compile what the code computes once its inputs have stood still for long. Raises CodeError.
-
-    Return None if that depends on how they change (`derivative`, `integral`, `dt`).
-    """
+    """Compile what the code gives once its inputs stand still; None: it needs changes."""
     checked = check_code(code, n_inputs, n_outputs)
     moving = {ELAPSED, *(name for name, each in STATEFUL.items() if not each.rests)}
-    nodes = [n for relation in checked.relations for tree in relation.trees for n in ast.walk(tree)]
-    if any(isinstance(node, ast.Name) and node.id in moving for node in nodes):
+    if not moving.isdisjoint(_names(checked)):
         return None
     return _Compiler(None).compile(checked).step
+
+
+class Fill(ast.NodeTransformer):
+    """Puts parts into the places that their names hold."""
+
+    def __init__(self, parts: Mapping[str, ast.expr]) -> None:
+        self._parts = parts
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        return self._parts.get(node.id, node)
+
+
+class Inline(ast.NodeTransformer):
+    """Rewrites the expressions of one relation over the program's variables.
+
+    Operations in a row are taken one after the other: they may be deeper than calls may be.
+
+    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
+    must have values before the relation has one. Without `memory_of` a stateful call is its first
+    argument, which it becomes once all arguments stand still.
+    """
+
+    def __init__(self, arguments: Mapping[str, str], memory_of: Optional[MemoryOf]) -> None:
+        self.variables = dict(arguments)
+        self._memory_of = memory_of
+        self.calls: List[Tuple[str, ast.expr]] = []
+        self.ready: List[str] = []
+        self.uses_time = False
+
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
+        return ast.Constant(float(node.value))
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        self.uses_time = self.uses_time or node.id == ELAPSED
+        if node.id in CONSTANTS:
+            return ast.Constant(CONSTANTS[node.id])
+        return ast.Name(self.variables.get(node.id, node.id), ast.Load())
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        first, operations = row(node)
+        result = self.visit(first)
+        for each in operations:
+            right = self.visit(each.right)
+            exponent = literal(right) if isinstance(each.op, ast.Pow) else 0.0
+            if exponent is None or exponent != math.floor(exponent):
+                result = ast.Call(ast.Name("power", ast.Load()), [result, right], [])
+            else:
+                result = ast.BinOp(result, each.op, right)
+        return result
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        assert isinstance(node.func, ast.Name)
+        if node.func.id == "dot":
+            return _written_out(node)
+        if node.func.id not in STATEFUL:
+            return node
+        if self._memory_of is None:
+            return node.args[0]
+        memory, result = self._memory_of(node.func.id)
+        arguments = [*node.args, ast.Name("now", ast.Load())]
+        self.calls.append((result, ast.Call(ast.Name(memory, ast.Load()), arguments, [])))
+        return ast.Name(result, ast.Load())
+
+
+def _written_out(dot: ast.Call) -> ast.expr:
+    """Write out a short sum of products of numbers and variables: a call costs as much again."""
+    if len(dot.args) > MOST_WRITTEN_OUT or not all(
+        literal(a) is not None or isinstance(a, ast.Name) for a in dot.args
+    ):
+        return dot
+    products = [ast.BinOp(w, ast.Mult(), x) for w, x in zip(dot.args[::2], dot.args[1::2])]
+    return functools.reduce(lambda left, right: ast.BinOp(left, ast.Add(), right), products)
 
 
 class _Compiler:
@@ -87,13 +158,7 @@ class _Compiler:
         outputs = enumerate(code.outputs if self._names["correct"] else ())
         correct = {name: [f"  {name} = correct({n}, {name})"] for n, name in outputs}
         lines += [line for name in inputs for line in correct.get(name, ())]
-        uses_time = any(
-            isinstance(n, ast.Name) and n.id == ELAPSED
-            for relation in code.relations
-            for tree in relation.trees
-            for n in ast.walk(tree)
-        )
-        if uses_time:
+        if ELAPSED in _names(code):
             lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
@@ -114,25 +179,16 @@ class _Compiler:
         return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
-        """Return the lines that give the relation its value.
-
-        Steps that a function with memory hears are evaluated before the constraint, each for
-        itself; the others only where there may be a value.
-        """
+        """Return the lines that give the relation its value; each step is evaluated for itself."""
         inline = Inline(relation.arguments, None if self._steady else self.memory_of)
         constraint = inline.visit(relation.constraint) if relation.constraint else None
         lines = self._take_calls(inline)
-        heard = _heard(relation)
-        steps: List[Tuple[str, ast.expr]] = []
         for number, (name, tree) in enumerate(relation.steps, 1):
             variable = f"{relation.result}_{number}"
             value = inline.visit(tree)
             lines += self._take_calls(inline)
-            if name in heard:
-                lines += self._assign(variable, value, inline.ready)
-                inline.ready.append(variable)
-            else:
-                steps.append((variable, value))
+            lines += self._assign(variable, value, inline.ready)
+            inline.ready.append(variable)
             inline.variables[name] = variable
         expression = inline.visit(relation.expression)
         lines += self._take_calls(inline)
@@ -142,14 +198,8 @@ class _Compiler:
         conditions = [_finite(ready)] if ready else []
         if constraint is not None:
             conditions.append(self._part(constraint))
-        block = [f"{variable} = {self._part(value)}" for variable, value in steps]
-        last = f"{relation.result} = {self._part(expression)}"
-        if steps:
-            last = f"if {_finite(variable for variable, _ in steps)}: {last}"
-        block.append(last)
-        if conditions:
-            block = [f"if {' and '.join(conditions)}:"] + ["  " + line for line in block]
-        lines += _attempt(block)
+        holds = f"if {' and '.join(conditions)}: " if conditions else ""
+        lines += _attempt(f"{holds}{relation.result} = {self._part(expression)}")
         if relation.arguments:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
@@ -169,7 +219,7 @@ class _Compiler:
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         needed = [each for each in ready if each in used]
         holds = f"if {_finite(needed)}: " if needed else ""
-        return [f"{name} = nan", *_attempt([f"{holds}{name} = {self._part(tree)}"])]
+        return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
 
     def _part(self, tree: ast.expr) -> str:
         name = f"_part{len(self._parts)}"
@@ -193,26 +243,14 @@ class _Compiler:
         return memory, f"value_of{memory}"
 
 
-def _attempt(block: Iterable[str]) -> List[str]:
-    """Return the block, which ends where something has no value."""
-    lines = ["  " + line for line in block]
-    return ["try:", *lines, "except (ArithmeticError, ValueError): pass"]
+def _names(code: CheckedCode) -> Set[str]:
+    trees = [tree for relation in code.relations for tree in relation.trees]
+    return {node.id for tree in trees for node in name_nodes(tree)}
 
 
-def _heard(relation: CheckedRelation) -> Set[str]:
-    """Return the names of the relation's steps that reach a function with memory."""
-    heard = {
-        name.id
-        for tree in relation.trees
-        for call in ast.walk(tree)
-        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in STATEFUL
-        for name in ast.walk(call)
-        if isinstance(name, ast.Name)
-    }
-    for step, tree in reversed(relation.steps):
-        if step in heard:
-            heard.update(name.id for name in name_nodes(tree))
-    return heard
+def _attempt(line: str) -> List[str]:
+    """Return what runs a line, which ends where something has no value."""
+    return ["try:", "  " + line, "except (ArithmeticError, ValueError): pass"]
 
 
 def _finite(names: Iterable[str]) -> str:

@@ -173,7 +173,7 @@ class Witnesses:
         found: List[_Witness] = []
         excluded = {source.service.name, *source.service.wrong_with}
         while len(found) < 2:
-            question = self._ontology, source.service.name, (source,)
+            question = self._ontology, (source,)
             try:
                 others = table.excluding(sorted(excluded))
                 plan = plan_sources(*question, others, predictor=predictor)

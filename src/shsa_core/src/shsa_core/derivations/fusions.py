@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import inf, sqrt
 from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 
-from shsa_core.codegen.fusion import NAMES, fuse
+from shsa_core.codegen.generator import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
@@ -129,7 +129,7 @@ class Fusions:
         function = fuse(derivations, list(zip(weights, calibrations))).function
         derivation = Derivation(function.output, None, function, tuple(derivations))
         joint = rate_joint([Rated((0, 0, 0), 1.0, derivation)])
-        plan = make_plan(self._ontology, source.service.name, (source,), joint, False, None)
+        plan = make_plan(self._ontology, (source,), joint, False, None)
         least = settings.FUSED_GAIN * min(_rms(part.errors.values()) for part in parts)
         return replace(plan, errors=(Error(least),)) if isinstance(plan, Plan) else plan
 

@@ -2,13 +2,14 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from enum import Enum
+from typing import Any, Dict, Iterable, Iterator, List, Tuple, Union
 
 import yaml  # type: ignore[import]
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_text
-from shsa_core.text import nearest
+from shsa_core.text import nearest, short
 
 MAX_DEPTH = 20
 
@@ -23,18 +24,26 @@ _WORDS: Dict[str, Union[None, bool, float]] = {
     ".inf": math.inf,
     "-.inf": -math.inf,
 }
+
+
+class Foreign(Enum):
+    """The content of a value that no file can have."""
+
+    FOREIGN = "foreign"
+
+
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True)
 class Value:
-    """One value: nothing, a flag, a number, a text, a list or a mapping.
+    """One value: nothing, a flag, a number, a text, a list or a mapping, or FOREIGN.
 
-    `text` is how a plain value was written.
+    `text` is how a plain value was written, or what a foreign one is.
     """
 
     where: str
-    data: Union[None, bool, float, str, List["Value"], Dict[str, "Value"]]
+    data: Union[None, bool, float, str, List["Value"], Dict[str, "Value"], Foreign]
     text: str = ""
 
     def error(self, what: str) -> ModelError:
@@ -43,9 +52,8 @@ class Value:
 
     def mapping(self, what: str) -> Dict[str, "Value"]:
         """Return the mapping that this value must be."""
-        if not isinstance(self.data, dict):
-            raise self.error(f"{what} must be a mapping (name: value), not {self.describe()}")
-        return self.data
+        found: Dict[str, "Value"] = self._must(dict, what, "a mapping (name: value)")
+        return found
 
     def wrong_keys(
         self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
@@ -63,17 +71,15 @@ class Value:
 
     def sequence(self, what: str) -> List["Value"]:
         """Return the list that this value must be."""
-        if not isinstance(self.data, list):
-            raise self.error(f"{what} must be a list, not {self.describe()}")
-        return self.data
+        found: List["Value"] = self._must(list, what, "a list")
+        return found
 
     def number(self, what: str) -> float:
         """Return the finite number that this value must be."""
-        if not isinstance(self.data, float):
-            raise self.error(f"{what} must be a number, not {self.describe()}")
-        if not math.isfinite(self.data):
+        found: float = self._must(float, what, "a number")
+        if not math.isfinite(found):
             raise self.error(f"{what} must be a finite number, not {self.describe()}")
-        return self.data
+        return found
 
     def interval(self, what: str) -> Tuple[float, float]:
         """Return the lowest and the highest number, in a list, that this value must be."""
@@ -87,15 +93,18 @@ class Value:
 
     def flag(self, what: str) -> bool:
         """Return the true or false that this value must be."""
-        if not isinstance(self.data, bool):
-            raise self.error(f"{what} must be true or false, not {self.describe()}")
-        return self.data
+        found: bool = self._must(bool, what, "true or false")
+        return found
 
     def string(self, what: str) -> str:
         """Return the text that this value must be; a number counts as it was written."""
-        if isinstance(self.data, (list, dict)) or self.data is None:
-            raise self.error(f"{what} must be a text, not {self.describe()}")
+        self._must((bool, float, str), what, "a text")
         return self.text
+
+    def _must(self, kind: Any, what: str, form: str) -> Any:
+        if not isinstance(self.data, kind):
+            raise self.error(f"{what} must be {form}, not {self.describe()}")
+        return self.data
 
     def describe(self) -> str:
         """Return the value in a few words."""
@@ -105,7 +114,7 @@ class Value:
             return "a mapping"
         if isinstance(self.data, list):
             return "a list"
-        text = self.text if len(self.text) <= 60 else self.text[:57] + "..."
+        text = short(self.text)
         return f"the text {text!a}" if isinstance(self.data, str) else text
 
 
@@ -113,21 +122,22 @@ Entry = Dict[str, Value]
 
 
 def read_yaml(path: str) -> Value:
-    """Return the one document of a YAML file. Tags, anchors and aliases are refused.
-
-    Nothing in the file is run.
-
-    Raises ModelError, with file and line, if the file cannot be read.
-    """
+    """Return the one document of a YAML file. Raises ModelError, with file and line."""
     return parse_yaml(read_text(str(path)), str(path))
 
 
 def parse_yaml(text: str, name: str) -> Value:
     """Return the one document of a YAML text; `name` stands for the file in errors."""
-    builder = _Builder(name)
+    events = yaml.parse(text, Loader=_Loader)
+    root = Value(f"{name}:1", None)
     try:
-        for event in yaml.parse(text, Loader=_Loader):
-            builder.take(event)
+        for event in events:
+            if isinstance(event, yaml.NodeEvent):
+                root = _value(event, events, name, 0)
+                break
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                raise ModelError(_where(event, name), "a second document begins; a file has one")
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"{name}:{mark.line + 1}" if mark else name
@@ -135,7 +145,7 @@ def parse_yaml(text: str, name: str) -> Value:
         if mark and problem.endswith("cannot start any token"):
             problem += _quoted(text.splitlines()[mark.line][mark.column :])
         raise ModelError(where, f"is not valid YAML: {problem}") from error
-    return builder.result()
+    return root
 
 
 def _quoted(rest: str) -> str:
@@ -144,20 +154,18 @@ def _quoted(rest: str) -> str:
     return f": put it in quotes: '{word}'" if word and "'" not in word else ""
 
 
-def from_parameters(value: object, where: str) -> Value:
-    """Return a value of the parameter server as a Value; `where` is the parameter's name."""
-    return _from_parameters(value, where, 0)
-
-
-def _from_parameters(value: object, where: str, depth: int) -> Value:
+def from_parameters(value: object, where: str, depth: int = 0) -> Value:
+    """Return a value of the parameter server, which has the name `where`, as a Value."""
     if depth > MAX_DEPTH:
-        raise ModelError(where, f"is nested more than {MAX_DEPTH} deep")
+        return Value(where, Foreign.FOREIGN, f"nested more than {MAX_DEPTH} deep")
     if isinstance(value, dict):
-        entries = {str(k): _from_parameters(v, f"{where}/{k}", depth + 1) for k, v in value.items()}
-        return Value(where, entries)
+        items = value.items()
+        return Value(
+            where, {str(k): from_parameters(v, f"{where}/{k}", depth + 1) for k, v in items}
+        )
     if isinstance(value, (list, tuple)):
-        items = [_from_parameters(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value)]
-        return Value(where, items)
+        pairs = enumerate(value)
+        return Value(where, [from_parameters(v, f"{where}[{i}]", depth + 1) for i, v in pairs])
     if value is None or isinstance(value, bool):
         return Value(where, value, str(value).lower())
     if isinstance(value, (int, float)):
@@ -167,82 +175,46 @@ def _from_parameters(value: object, where: str, depth: int) -> Value:
             return Value(where, math.inf, repr(value))
     if isinstance(value, str):
         return Value(where, value, value)
-    raise ModelError(
-        where, f"a {type(value).__name__} is not allowed; give numbers, texts, lists or mappings"
-    )
+    return Value(where, Foreign.FOREIGN, f"a {type(value).__name__}")
 
 
-class _Builder:
-    """Builds a Value from the events of a YAML parser, without recursion."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._open: List[Tuple[Value, List[Tuple[str, str]]]] = []
-        self._root: Optional[Value] = None
-        self._documents = 0
-
-    def take(self, event: yaml.Event) -> None:
-        """Take the next event of the parser."""
-        where = f"{self._name}:{event.start_mark.line + 1}"
-        if isinstance(event, yaml.DocumentStartEvent):
-            self._documents += 1
-            if self._documents > 1:
-                raise ModelError(where, "a second document begins; a file has one")
-        elif isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
-            raise ModelError(where, "anchors (&) and aliases (*) are not allowed")
-        elif getattr(event, "tag", None) is not None:
-            raise ModelError(where, f"tags are not allowed: {event.tag}")
-        elif isinstance(event, yaml.ScalarEvent):
-            self._scalar(event, where)
-        elif isinstance(event, yaml.MappingStartEvent):
-            self._begin(Value(where, {}))
-        elif isinstance(event, yaml.SequenceStartEvent):
-            self._begin(Value(where, []))
-        elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
-            self._add(self._open.pop()[0])
-
-    def result(self) -> Value:
-        """Return what the events made."""
-        if self._root is None:
-            return Value(f"{self._name}:1", None)
-        return self._root
-
-    def _begin(self, value: Value) -> None:
-        if self._expects_key():
+def _value(event: yaml.Event, events: Iterator[yaml.Event], name: str, depth: int) -> Value:
+    """Return what an event begins."""
+    where = _where(event, name)
+    if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
+        raise ModelError(where, "anchors (&) and aliases (*) are not allowed")
+    if event.tag is not None:
+        raise ModelError(where, f"tags are not allowed: {event.tag}")
+    if isinstance(event, yaml.ScalarEvent):
+        return Value(where, _scalar(event), event.value)
+    if depth >= MAX_DEPTH:
+        raise ModelError(where, f"is nested more than {MAX_DEPTH} deep")
+    items: List[Value] = []
+    entries: Entry = {}
+    for inner in events:
+        if isinstance(inner, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+            break
+        value = _value(inner, events, name, depth + 1)
+        if isinstance(event, yaml.SequenceStartEvent):
+            items.append(value)
+            continue
+        if not isinstance(inner, yaml.ScalarEvent):
             raise value.error("a key must be a plain text")
-        if len(self._open) >= MAX_DEPTH:
-            raise value.error(f"is nested more than {MAX_DEPTH} deep")
-        self._open.append((value, []))
+        if inner.value in entries:
+            raise value.error(f"the key '{inner.value}' stands here a second time")
+        held = _value(next(events), events, name, depth + 1)
+        entries[inner.value] = Value(value.where, held.data, held.text)
+    return Value(where, items if isinstance(event, yaml.SequenceStartEvent) else entries)
 
-    def _expects_key(self) -> bool:
-        return (
-            bool(self._open) and isinstance(self._open[-1][0].data, dict) and not self._open[-1][1]
-        )
 
-    def _scalar(self, event: yaml.ScalarEvent, where: str) -> None:
-        if self._expects_key():
-            parent, key = self._open[-1]
-            assert isinstance(parent.data, dict)
-            if event.value in parent.data:
-                raise ModelError(where, f"the key '{event.value}' stands here a second time")
-            key.append((event.value, where))
-            return
-        data: Union[None, bool, float, str] = event.value
-        if not event.style:
-            word = event.value.lower()
-            if word in _WORDS:
-                data = _WORDS[word]
-            elif _NUMBER.match(event.value):
-                data = float(event.value)
-        self._add(Value(where, data, event.value))
+def _scalar(event: yaml.ScalarEvent) -> Union[None, bool, float, str]:
+    text: str = event.value
+    if event.style:
+        return text
+    if text.lower() in _WORDS:
+        return _WORDS[text.lower()]
+    return float(text) if _NUMBER.match(text) else text
 
-    def _add(self, value: Value) -> None:
-        if not self._open:
-            self._root = value
-            return
-        parent, key = self._open[-1]
-        if isinstance(parent.data, dict):
-            name, where = key.pop()
-            parent.data[name] = Value(where, value.data, value.text)
-        elif isinstance(parent.data, list):
-            parent.data.append(value)
+
+def _where(event: yaml.Event, name: str) -> str:
+    return f"{name}:{event.start_mark.line + 1}"

@@ -18,9 +18,8 @@ from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, defa
 from shsa_core.model.samples import OF_VALUE
 from shsa_core.model.error import Error
 from shsa_core.model.field import parse_field
-from shsa_core.model.host import Placement
+from shsa_core.model.service import AdaptiveDeadline, LastResort, Placement
 from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
-from shsa_core.model.service import AdaptiveDeadline, LastResort
 
 LONGEST_COMMAND = 100
 
@@ -62,12 +61,8 @@ PROPERTY: Keys = {
     "unit": _unit,
     "symbol": Key(text, "its sign in formulas"),
     "usual": Key(interval, "the interval of its 5th to 95th percentile"),
-    "length": Key(
-        whole_number(LONGEST), "it is a vector: `name_0`, `name_1`, ... are its elements"
-    ),
-    "elements": Key(
-        list_of(text, "list of properties"), "it is the vector of these, and has no other key"
-    ),
+    "length": Key(whole_number(LONGEST), "it is a vector of `name_0`, `name_1`, ..."),
+    "elements": Key(list_of(text, "list of properties"), "it is the vector of these; no other key"),
 }
 
 
@@ -92,10 +87,6 @@ CONSTANT: Keys = {
 }
 
 
-def _as_it_is(value: Value, key: str) -> Value:
-    return value  # to be unfolded by what the whole file says
-
-
 def _steps(value: Value, key: str) -> Dict[str, Value]:
     entries = value.mapping(key)
     if not entries:
@@ -103,25 +94,23 @@ def _steps(value: Value, key: str) -> Dict[str, Value]:
     return entries
 
 
+# Expressions stay as they are: they are unfolded by what the whole file says.
 FUNCTION: Keys = {
     "function": basic(
-        Reader("expression, or list of them", _as_it_is),
+        Reader("expression, or list of them", lambda value, key: value),
         "how it is computed; may stand alone, without this key; a list: each element of a vector",
     ),
-    "constraint": basic(Reader("condition", _as_it_is), "where it is false, there is no output"),
+    "constraint": basic(
+        Reader("condition", lambda value, key: value), "where it is false, there is no output"
+    ),
     "quality": _quality,
     "error": _known_error,
     "where": Key(
         Reader("mapping", _steps),
-        "names for values on the way, and their expressions, in order; as an entry of the relation "
-        "itself, for all that it yields",
+        "names for values on the way, in order; as an entry of the relation: for all of it",
     ),
-    "not_executable": Key(
-        text, "instead of function: a text that is no expression, and becomes no code"
-    ),
-    "inputs": Key(
-        list_of(text, "list of names"), "with not_executable: the properties that it needs"
-    ),
+    "not_executable": Key(text, "instead of function: a text that becomes no code"),
+    "inputs": Key(list_of(text, "list of names"), "with not_executable: properties it needs"),
 }
 """One direction of a relation."""
 
@@ -145,10 +134,6 @@ COUNTS: Keys = {
     "bad": Key(whole_number(1000), "this many bad messages make a failure"),
     "of": Key(whole_number(1000), "among this many, the last ones"),
 }
-
-
-def _value_checks(value: Value, key: str) -> Dict[str, Optional[Limit]]:
-    return read_entry(value, key, VALUE_CHECKS)
 
 
 def _checks(value: Value, key: str) -> Checks:
@@ -193,10 +178,11 @@ VALUE: Keys = {
     "usual": basic(interval, "what it usually is; outside, people are warned"),
     "quality": _quality,
     "error": _known_error,
-    "fault_tolerant_error": Key(
-        positive, "what 95 % of a substitute's error must be within, in the property's unit"
+    "fault_tolerant_error": Key(positive, "p95 that a substitute's error may have, in its unit"),
+    "checks": Key(
+        Reader("mapping", lambda value, key: read_entry(value, key, VALUE_CHECKS)),
+        "what else is a failure of the value",
     ),
-    "checks": Key(Reader("mapping", _value_checks), "what else is a failure of the value"),
     "calibrate": Key(flag, "learn gain and offset of its substitutes while the sensor works"),
 }
 """A value of a service, under `provides`."""
@@ -279,7 +265,7 @@ LAST_RESORT: Keys = {
     "values": Key(Reader("{PROPERTY: NUMBER}", _safe_values), "what is published"),
     "command": Key(
         Reader("list of words", _command),
-        "a program and its arguments, run once and through no shell; from the file alone",
+        "a program, run once and by no shell; from the file alone",
     ),
 }
 HOST: Keys = {
@@ -293,7 +279,7 @@ _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*/[A-Za-z][A-Za-z0-9_]*\Z")
 SERVICE: Keys = {
     "topic": required(
         matching(_GRAPH_NAME, "/battery_current or battery_current"),
-        "name of the topic; relative names are in healing's namespace",
+        "its name; relative: in the namespace",
     ),
     "type": required(matching(_TYPE, "std_msgs/Float64"), "the message type"),
     "node": required(
@@ -317,8 +303,7 @@ SERVICE: Keys = {
     ),
     "bridge": Key(
         number_in(1.5, 1e6, "1.5 to 1e+06 periods, or false", {False: 0.0}),
-        "periods without a message after which a ready substitute fills in; not given: 2.5 "
-        "where standby is hot",
+        "periods without a message until a ready substitute fills in; not given: 2.5 if it is hot",
     ),
     "checks": Key(Reader("mapping", _checks), "what else is a failure of its messages"),
     "last_resort": Key(
@@ -347,21 +332,16 @@ SERVICE: Keys = {
     ),
     "cost": Key(
         whole_number(10**9),
-        "what reading one of its values costs, as in kB/s; of substitutes that are as good the "
-        "cheaper one is taken",
+        "what reading one of its values costs, as in kB/s; of equal substitutes the cheaper wins",
     ),
-    "fault_tolerant_time": Key(
-        positive, "s without good data that its users tolerate; `shsa check` judges it"
-    ),
+    "fault_tolerant_time": Key(positive, "s without good data that users tolerate; see `check`"),
     "gate": Key(
         matching(_GRAPH_NAME, "/battery_current/raw or battery_current/raw"),
         "the topic that its node publishes on; a gate checks it and publishes `topic`",
     ),
     "host": Key(text, "name of the host that its node runs on"),
     "placement": Key(Reader("mapping", _placement), "where a substitute of it may run"),
-    "on_partition": Key(
-        one_of(OnPartition), "what healing does while its computer cannot be reached"
-    ),
+    "on_partition": Key(one_of(OnPartition), "what healing does while its computer is cut off"),
 }
 SOM: Keys = {
     "services": required(mapping, "the services, by name"),

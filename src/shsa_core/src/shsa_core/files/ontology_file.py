@@ -12,8 +12,7 @@ from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import is_name
 from shsa_core.language.vectors import Vector, Vectors, elements, unfold
 from shsa_core.model.error import quality_of
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 
 MOST_ELEMENTS = 10_000
 """Of all vectors and matrices that a file declares."""
@@ -29,10 +28,7 @@ def read_ontology(path: str) -> Ontology:
 
 
 def load_ontology(path: str) -> Tuple[Ontology, List[ModelError]]:
-    """Return the valid part of the ontology in a file, and all that is wrong with the rest.
-
-    Raises ModelError if the file as a whole cannot be read.
-    """
+    """Return the valid part of the ontology in a file, and all that is wrong. Raises ModelError."""
     sections, errors = read_keys(read_yaml(path), "the ontology", ONTOLOGY)
     reader = _Reader(errors)
     adding = {

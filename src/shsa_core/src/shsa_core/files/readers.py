@@ -76,15 +76,13 @@ def read_keys(
     return given, errors
 
 
-def plain_entry(item: Any, keys: Keys) -> Dict[str, Any]:
+def plain_entry(item: Any, keys: Optional[Keys] = None) -> Dict[str, Any]:
     """Return a mapping as it is written: basic keys, and others that are not as by default."""
     usual = {field.name: field.default for field in dataclasses.fields(item)}
-    values = {key: getattr(item, key) for key in keys if key in usual}
-    return {
-        key: plain(value)
-        for key, value in values.items()
-        if value != usual[key] or keys[key].basic and value is not None
-    }
+    values = {key: getattr(item, key) for key in keys or usual if key in usual}
+    given = [key for key, each in (keys or {}).items() if each.basic]
+    said = {key: it for key, it in values.items() if it != usual[key] or key in given}
+    return {key: plain(it) for key, it in said.items() if it is not None}
 
 
 def plain(value: Any) -> Any:
@@ -96,9 +94,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [plain(each) for each in value]
     if dataclasses.is_dataclass(value):
-        fields = {each.name: each.default for each in dataclasses.fields(value)}
-        given = {name: getattr(value, name) for name in fields}
-        return {name: plain(it) for name, it in given.items() if it != fields[name]}
+        return plain_entry(value)
     return value
 
 
@@ -109,6 +105,18 @@ interval = Reader("[lowest, highest]", Value.interval)
 mapping = Reader("mapping", Value.mapping)
 
 
+def _reader(form: str, must: str, make: Callable[[Value], Any]) -> Reader:
+    """Return a reader of what `make` makes of a value; ValueError: it is not what it `must` be."""
+
+    def read(value: Value, key: str) -> Any:
+        try:
+            return make(value)
+        except (ValueError, ModelError) as error:
+            raise value.error(f"{key} must be {must}, not {value.describe()}") from error
+
+    return Reader(form, read)
+
+
 def number_in(
     lowest: float,
     highest: float,
@@ -117,15 +125,15 @@ def number_in(
 ) -> Reader:
     """Return a reader of a number within limits, or of a word that stands for something."""
 
-    def read(value: Value, key: str) -> Optional[float]:
+    def make(value: Value) -> Optional[float]:
         data = value.data
         if isinstance(data, (bool, str)) and data in words:
             return words[data]
-        if not isinstance(data, float) or not lowest <= data <= highest:
-            raise value.error(f"{key} must be {form}, not {value.describe()}")
-        return data
+        if isinstance(data, float) and lowest <= data <= highest:
+            return data
+        raise ValueError
 
-    return Reader(form, read)
+    return _reader(form, form, make)
 
 
 positive = number_in(ABOVE_0, HIGHEST, "above 0")
@@ -133,42 +141,35 @@ not_negative = number_in(0.0, HIGHEST, "0 or above")
 share = number_in(ABOVE_0, 1.0, "above 0 and at most 1")
 
 
-def whole_number(highest: int) -> Reader:
-    """Return a reader of a whole number from 1 on."""
-    form = f"a whole number from 1 to {highest}"
-    within = number_in(1.0, highest, form)
+def whole_number(highest: int, lowest: int = 1) -> Reader:
+    """Return a reader of a whole number."""
+    form = f"a whole number from {lowest} to {highest}"
 
-    def read(value: Value, key: str) -> int:
-        data = within.read(value, key)
-        if data != int(data):
-            raise value.error(f"{key} must be {form}, not {value.describe()}")
-        return int(data)
+    def make(value: Value) -> int:
+        data = value.data
+        if isinstance(data, float) and lowest <= data <= highest and data == int(data):
+            return int(data)
+        raise ValueError
 
-    return Reader(form, read)
+    return _reader(form, form, make)
 
 
 def matching(pattern: "re.Pattern[str]", example: str) -> Reader:
     """Return a reader of a text that has a pattern."""
 
-    def read(value: Value, key: str) -> str:
-        found = value.string(key)
-        if len(found) > MAX_NAME or not pattern.match(found):
-            raise value.error(f"{key} must be written like {example}, not {value.describe()}")
-        return found
+    def make(value: Value) -> str:
+        text = value.string(example)
+        if len(text) > MAX_NAME or not pattern.match(text):
+            raise ValueError
+        return text
 
-    return Reader(f"like {example}", read)
+    return _reader(f"like {example}", f"written like {example}", make)
 
 
 def one_of(words: Type[Word]) -> Reader:
     """Return a reader of one of some words."""
     form = ", ".join(str(each) for each in words)
-
-    def read(value: Value, key: str) -> Word:
-        if value.string(key) not in [str(each) for each in words]:
-            raise value.error(f"{key} must be one of {form}, not {value.describe()}")
-        return words(value.text)
-
-    return Reader(form, read)
+    return _reader(form, f"one of {form}", lambda value: words(value.string(form)))
 
 
 def parsed(form: str, parse: Callable[[str], Any]) -> Reader:

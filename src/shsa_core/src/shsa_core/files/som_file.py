@@ -9,16 +9,15 @@ from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
 from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
-from shsa_core.files.trust import written_by_others
+from shsa_core.files.regular import written_by_others
 from shsa_core.language.syntax import is_name
 from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
 from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
-from shsa_core.model.numbers import allows_more, differences
+from shsa_core.model.som import Som, differences
 from shsa_core.model.service import Provision, Service, is_within
-from shsa_core.model.som import Som
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
@@ -43,12 +42,9 @@ def read_som(path: str, namespace: str = "/") -> Som:
 
 
 def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
-    """Return the valid services of the SOM in a file, and all that is wrong with the rest.
+    """Return the valid services of the SOM in a file, and of those added to it, and what is wrong.
 
-    Those that were added to it, in the file beside it, count as well. Relative names of topics and
-    nodes are names in `namespace`.
-
-    Raises ModelError if a file as a whole cannot be read, or others could have added something.
+    Relative names are names in `namespace`. Raises ModelError if a file as a whole cannot be read.
     """
     tree, added = read_yaml(path), added_path(path)
     if os.path.lexists(added):
@@ -57,6 +53,14 @@ def load_som(path: str, namespace: str = "/") -> Tuple[Som, List[ModelError]]:
             raise ModelError(added, why)
         tree = _with_added(tree, read_yaml(added))
     return read_tree(tree, namespace)
+
+
+def refuse_others_commands(som: Som, path: str) -> None:
+    """Raise ModelError if a SOM starts programs, and others can write its file."""
+    names = [each.name for each in som if each.last_resort.command or each.policy.restarts]
+    why = written_by_others(path) if names else ""
+    if why:
+        raise ModelError(path, f"it starts programs ({', '.join(names)}), and {why}")
 
 
 def added_path(path: str) -> str:
@@ -108,24 +112,22 @@ def merge_parameters(
 ) -> Tuple[Som, List[ModelError]]:
     """Return the SOM that a changed tree of parameters asks for, and all that is wrong with it.
 
-    Parameters change numbers of services that the `file` has. What FROM_FILE_ALONE names, fields,
-    checks, errors and commands must be as there, a range at least as wide, a period at least as
-    long: what is healthy by the file stays so, however small the steps are. A service that is not
-    valid, or that is not there, stays as it is in `current`; None: as in the file.
+    What is healthy by the `file` stays so, however small the steps are: ranges and periods become
+    only larger, and FROM_FILE_ALONE names the rest. A service that is not valid, or not there,
+    stays as it is in `current`; None: as in the file.
     """
     current = current or file
     if not isinstance(value, dict) or not isinstance(value.get("services"), dict):
         return current, [ModelError(where, "there is no table of services")]
-    keys = from_parameters(dict.fromkeys(value), where)
-    errors = list(keys.wrong_keys("the SOM", SOM))
+    tree = from_parameters(value, where).mapping("the SOM")
+    errors = list(Value(where, tree).wrong_keys("the SOM", SOM))
     for key, plain_value in {"hosts": _plain_hosts(current), "act": current.act}.items():
         if value.get(key, plain_value) != plain_value:
             what = f"{key} can be changed in the SOM file alone"
             errors.append(ModelError(f"{where}/{key}", what))
     services = dict(current.services)
-    for name, plain_service in value["services"].items():
+    for name, entry in tree["services"].mapping("services").items():
         try:
-            entry = from_parameters(plain_service, f"{where}/services/{name}")
             if name not in services:
                 raise entry.error("the SOM file has no such service; only the file can add one")
             service = _service(name, entry, namespace, services, current.hosts)
@@ -268,10 +270,7 @@ def _claim(service: Service, claimed: Dict[str, List[Service]]) -> None:
 
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
-    """Return a service from the parameter server, with the command of its file.
-
-    Raises ModelError if it goes too far.
-    """
+    """Return a service from the parameter server. Raises ModelError if it goes too far."""
     asked, meant = service_entry(service), service_entry(old)
     for key in FROM_FILE_ALONE:
         if asked.get(key) != meant.get(key):
@@ -296,8 +295,6 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     provides = tuple(provisions[name] for name in old.properties)
     resort = dataclasses.replace(service.last_resort, command=old.last_resort.command)
     new = dataclasses.replace(service, provides=provides, last_resort=resort)
-    if not allows_more(new, old):
-        return new
     fastest = old.period if new.period != old.period else None
     weakened = differences(new, old, "in the SOM file")
     return dataclasses.replace(new, weakened=weakened, fastest=fastest)

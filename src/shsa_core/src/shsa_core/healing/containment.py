@@ -3,6 +3,7 @@ from dataclasses import dataclass
 from typing import List, Optional, Sequence, Set, Tuple
 
 from shsa_core.healing.health import MISSED
+from shsa_core.healing.incident import SUBSTITUTED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import PublisherHealth
@@ -107,35 +108,30 @@ class Stakes:
         self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
     ) -> Verdict:
         """Decide about a node by all that is at stake; where healing advises, it says so."""
-        verdict = decide(self._case(service, node, kind, replaced, restarted))
+        published = self._published(node)
+        well = [s for s, row in published if row.is_well and s.name != service.name]
+        partly = kind in BY_LINK or (kind in BY_VALUE and len(service.provides) > 1)
+        useful = [each.topic for each in well] + [f"good values on {service.topic}"] * partly
+        case = Case(
+            node,
+            service.topic,
+            kind,
+            service.contain,
+            restarted,
+            self._never(service, node, well),
+            self._health.protected.get(node, ""),
+            replaced,
+            tuple(sorted(self._costs(service, node, published))),
+            self._health.duties.get(node, ()),
+            tuple(sorted(useful)),
+            (service.topic, node) in self._health.good,
+            service.gated,
+        )
+        verdict = decide(case)
         if service.policy is not Policy.ADVISE:
             return verdict
         why = self._robot.waiting(service) or "healing advises"
         return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
-
-    def _case(
-        self, failed: Service, node: str, kind: Kind, replaced: bool, restarted: bool
-    ) -> Case:
-        """Return the case of a node that failed on the topic of a service."""
-        published = self._published(node)
-        well = [s for s, row in published if row.is_well and s.name != failed.name]
-        partly = kind in BY_LINK or (kind in BY_VALUE and len(failed.provides) > 1)
-        useful = [each.topic for each in well] + [f"good values on {failed.topic}"] * partly
-        return Case(
-            node,
-            failed.topic,
-            kind,
-            failed.contain,
-            restarted,
-            self._never(failed, node, well),
-            self._health.protected.get(node, ""),
-            replaced,
-            tuple(sorted(self._costs(failed, node, published))),
-            self._health.duties.get(node, ()),
-            tuple(sorted(useful)),
-            (failed.topic, node) in self._health.good,
-            failed.gated,
-        )
 
     def _never(self, failed: Service, node: str, well: List[Service]) -> str:
         """Return why a node is not to be killed for what is said of a service not its own."""
@@ -149,7 +145,6 @@ class Stakes:
     def _costs(
         self, failed: Service, node: str, published: List[Tuple[Service, PublisherHealth]]
     ) -> Set[str]:
-        """Return the needed topics that would be lost with a node."""
         others = self._health.doomed - {node}
         doomed = others | {node}
         lost: Set[str] = set()
@@ -170,7 +165,6 @@ class Stakes:
         return lost
 
     def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
-        """Return what a node publishes, and how that does."""
         service_of, rows = self._robot.som.service_of, self._health.rows
         topics = sorted(self._health.topics.get(node, ()))
         found = ((service_of(topic, node), rows[topic][node]) for topic in topics)
@@ -187,8 +181,10 @@ class Stakes:
         found, indexes = [], self._robot.indexes
         for name in indexes.readers([service.name]):
             read = self._robot.som.services.get(name)
-            if read is not None and name in indexes.computed:
-                faulty, tried = indexes.computed[name]
-                if not self._planner.replaceable(read, doomed | {faulty}, tried):
+            if read is not None and name in indexes.healing:
+                incident, tried = indexes.healing[name]
+                without = doomed | {incident.faulty_node}
+                computed = incident.state in SUBSTITUTED
+                if computed and not self._planner.replaceable(read, without, tried):
                     found.append(read.topic)
         return found

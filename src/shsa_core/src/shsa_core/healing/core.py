@@ -35,14 +35,14 @@ class Core:
         self.services: Dict[str, ServiceMachine] = {}
         self.asked: Agenda[str] = Agenda()
         self.agenda: Agenda[str] = Agenda()  # services by when their timers are due
-        self._unsettled: Dict[str, bool] = {}  # services whose availability may have changed
+        self._unsettled: Dict[str, None] = {}  # services whose availability may have changed
         self._ended: Dict[str, str] = {}  # records whose incident has ended, and the services
 
     def add(self, service: Service) -> None:
         """Heal a service from now on."""
         parts = self.robot, self.nodes, self.processes
         self.services[service.name] = ServiceMachine(service, *parts, TRANSITIONS)
-        self.unsettle([service.name], another=True)
+        self.unsettle([service.name])
 
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
@@ -62,7 +62,7 @@ class Core:
         decided = before, machine.substitute.node, machine.substitute.plan
         commands = ask(machine)
         incident, substitute = machine.incident, machine.substitute
-        row, refuses, accused = machine.row(), machine.refuses, machine.accusation
+        row, accused = machine.row(), machine.accusation
         shown = None if incident is WELL else incident
         for each in commands:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
@@ -70,9 +70,6 @@ class Core:
         record = ServiceRecord(name, service.topic, shown, *about)
         if (incident, substitute.node, substitute.plan) != decided:
             robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
-            robot.indexes.refused.pop(name, None)
-            if refuses:
-                robot.indexes.refused[name] = incident.faulty_node
         self.agenda.set(name, min(machine.timers.values(), default=None))
         if row is not None:
             self.processes.wanted.set(row_key(row), row)
@@ -97,14 +94,12 @@ class Core:
         commands: List[Command] = []
         for each in said:
             if isinstance(each, KillOver):
-                commands += self._tell(each)
+                kill = each
+                self.unsettle_node(kill.node)
+                commands += self.ask_accusers(kill.node, lambda service: service.heed(kill))
             else:
                 commands.append(each)
         return commands
-
-    def _tell(self, kill: KillOver) -> List[Command]:
-        self.unsettle_node(kill.node)
-        return self.ask_accusers(kill.node, lambda service: service.heed(kill))
 
     def ask_accusers(self, node: str, ask: Ask) -> List[Command]:
         """Have those services decide that accuse a node."""
@@ -116,18 +111,15 @@ class Core:
         robot, indexes = self.robot, self.robot.indexes
         while self._unsettled:
             names, self._unsettled = self._unsettled, {}
-            looks = [
-                robot.availability.look(robot.som, name, self.missing(name), another)
-                for name, another in names.items()
-            ]
+            look = robot.availability.look
+            looks = [look(robot.som, name, self.missing(name)) for name in names]
             gone = [before for before, _ in looks if before is not None]
             come = [after for _, after in looks if after is not None]
             robot.planner.plans.change(gone, come)
-            others = [name for name, another in names.items() if another]
-            readers = indexes.readers((*others, *(each.name for each in gone)))
+            readers = indexes.readers(each.name for each in gone)
             commands += self.ask_all(readers, lambda each: each.changed())
             if come:
-                waiting = {**indexes.stuck, **indexes.kept}
+                waiting = dict.fromkeys((*indexes.stuck, *indexes.kept))
                 commands += self.ask_all(waiting, lambda each: each.replan())
         return commands
 
@@ -141,10 +133,9 @@ class Core:
         lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
         return f"{service.host} is lost: {lost}" if lost else ""
 
-    def unsettle(self, names: Iterable[str], another: bool = False) -> None:
-        """Look again whether some services are available; `another`: they are other ones now."""
-        for name in names:
-            self._unsettled[name] = another or self._unsettled.get(name, False)
+    def unsettle(self, names: Iterable[str]) -> None:
+        """Look again whether some services are available."""
+        self._unsettled.update(dict.fromkeys(names))
 
     def unsettle_node(self, node: str) -> None:
         """Look again at the services that a node publishes."""

@@ -48,9 +48,9 @@ class NodeEvent(Event):
 class Started(Event):
     """The reconfigurator is up; `preparing`: what substitutes are forked from comes up (Prepared).
 
-    `records`: what a former one has written down. `running`: the substitutes, and the nodes that
-    were started again, that run on. `leftovers`: other nodes named as a substitute that are dead;
-    `strangers`: those of which nobody knows that. `subscribers`: as in GraphSeen.
+    `records`: what a former one has written down. `running`: the substitutes and nodes started
+    again that run on. `leftovers`: other nodes named as a substitute that are dead; `strangers`:
+    those of which nobody knows that. `subscribers`: as in GraphSeen.
     """
 
     leftovers: Tuple[str, ...] = ()
@@ -99,6 +99,11 @@ class FailureSeen(Event):
     last_good: Optional[float] = None
     last_message: bytes = b""
 
+    @property
+    def good_until(self) -> float:
+        """Return when the last good message came, or the failure, if none is known."""
+        return self.time if self.last_good is None else self.last_good
+
 
 @dataclass(frozen=True)
 class HealthSeen(Event):
@@ -136,10 +141,7 @@ class GraphSeen(Event):
 
 @dataclass(frozen=True)
 class NodeLearned(NodeEvent):
-    """It was looked which process a node is; `known`: that is verified.
-
-    `protected`: why it is never killed unless the SOM says so; empty: it may be.
-    """
+    """It was looked which process a node is; `known`: that is verified; `protected`: as in Case."""
 
     known: bool
     protected: str = ""
@@ -189,9 +191,7 @@ class ProcessUntouchable(NodeEvent):
 
 @dataclass(frozen=True)
 class SubstituteStarted(NodeEvent):
-    """The process of a substitute was set to work; `found`: when the search had ended."""
-
-    found: float
+    """The process of a substitute was started."""
 
 
 @dataclass(frozen=True)
@@ -200,11 +200,6 @@ class ProcessExited(NodeEvent):
 
     detail: str
     started: bool = True
-
-    @property
-    def told(self) -> str:
-        """Return a text of what happened."""
-        return f"its process {'died' if self.started else 'was not started'} ({self.detail})"
 
 
 @dataclass(frozen=True)
@@ -370,11 +365,6 @@ class StartSubstitute(NodeCommand):
     outputs: Tuple[Signal, ...] = ()
     host: str = ""
     shared: bool = False
-
-
-@dataclass(frozen=True)
-class AssignSubstitute(NodeCommand):
-    """Have a running process see its program in the table; answered by SubstituteStarted."""
 
 
 @dataclass(frozen=True)

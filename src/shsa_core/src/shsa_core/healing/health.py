@@ -5,7 +5,6 @@ from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
-from shsa_core.healing.settings import SAME_S
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
@@ -113,26 +112,22 @@ class Health:
         return concerned, failures
 
     def note(self, failure: FailureSeen) -> bool:
-        """Put a failure that somebody tells; False: the table tells of it already."""
+        """Put a failure that somebody tells; False: the table tells of what came then or later."""
         whose = failure.topic, failure.publisher, FAILED, failure.time, None, failure.last_good
-        row = PublisherHealth(*whose, failure.kind, failure.detail)
-        known, news = self.row(row.key), self._is_news(row)
-        if news and (known is None or known.since <= failure.time):
-            self._put(row)
-        return news
+        row = PublisherHealth(*whose, failure.kind, failure.detail, failure.service)
+        known = self.row(row.key)
+        if known is not None and known.since >= failure.time:
+            return False
+        self._put(row)
+        return True
 
     def _is_news(self, row: PublisherHealth) -> bool:
-        """Tell that a new row turned failed, or fails anew."""
+        """Tell that a publisher has failed that did not before, or not in this way."""
         before = self.row(row.key)
-        known = before is not None and before.has_failed and not self._begins(before, row)
-        return row.has_failed and not known
-
-    def goes_on(self, row: PublisherHealth) -> bool:
-        """Tell that a row has another message for a failure that is known."""
-        before = self.row(row.key)
-        if before is None or not before.has_failed or not row.has_failed:
-            return False
-        return row.last_message not in (b"", before.last_message)
+        if before is None or not before.has_failed:
+            return row.has_failed
+        other = bool(row.service and before.service) and row.service != before.service
+        return row.has_failed and (other or row.kind not in (None, before.kind))
 
     @staticmethod
     def failure(row: PublisherHealth) -> FailureSeen:
@@ -141,15 +136,6 @@ class Health:
         detail = row.detail or f"the monitor's table says {kind}"
         whom = row.service, row.topic, row.publisher
         return FailureSeen(row.since, *whom, kind, detail, row.last_good, row.last_message)
-
-    @staticmethod
-    def _begins(before: PublisherHealth, row: PublisherHealth) -> bool:
-        """Tell that a publisher that failed before fails anew, or in another way."""
-        if row.kind is not None and before.kind is not None and row.kind is not before.kind:
-            return row.since >= before.since - SAME_S  # one moment, told by two clocks
-        if row.service and before.service and row.service != before.service:
-            return True  # nobody was ever seen for two services of a topic
-        return row.since > before.since + SAME_S
 
     def _put(self, row: PublisherHealth) -> List[Key]:
         """Put a row. Returns all that its node publishes if that is well again after a kill."""
@@ -220,9 +206,8 @@ class Health:
 
         `away`: its computer is not heard; then nobody does who has not told of it yet.
         """
-        told = {self._told_at.get((topic, publisher), "?") for publisher in self.rows[topic]} - {
-            "?"
-        }
+        keys = ((topic, publisher) for publisher in self.rows[topic])
+        told = {self._told_at[key] for key in keys if key in self._told_at}
         return not told & self._lost if told else not away
 
     def lose_monitor(
@@ -287,13 +272,10 @@ class Availability:
         self.states: Table[ServiceState, ShowSom] = Table(ShowSom)
         self._health = health
 
-    def look(
-        self, som: Som, name: str, why: str, another: bool
-    ) -> Tuple[Optional[Service], Optional[Service]]:
+    def look(self, som: Som, name: str, why: str) -> Tuple[Optional[Service], Optional[Service]]:
         """Look at a service again: return it as it is available no more, and as it is now.
 
-        `why` it is not available whoever is well, empty: it may be. `another`: it is another
-        service now, though it may look the same.
+        `why` it is not available whoever is well, empty: it may be.
         """
         before, service = self.services.pop(name, None), som.services.get(name)
         self.unavailable.discard(name)
@@ -306,7 +288,7 @@ class Availability:
             self.unavailable.add(name)
             return before, None
         service = replace(service, node=state.node)
-        if service == before and not another:
+        if service == before:
             self.services[name] = before
             return None, None
         self.services[name] = service

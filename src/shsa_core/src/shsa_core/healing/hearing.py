@@ -5,8 +5,7 @@ fact. A computer is lost when its agent is not heard. Only then it can be told f
 failure, and a node's silence is found sooner: what was decided in between is looked at again. Its
 monitor is lost with it, and nobody tells then of what only that watched: it is asked for its whole
 table, and if that does not come, those that it watched count as silent. When the computer is back,
-it is asked again, the kills go on that could not be finished, and its nodes are judged as any that
-return.
+it is asked again, and its nodes are judged as any that return.
 """
 from typing import Dict, Iterable, List, Optional, Tuple
 
@@ -24,13 +23,13 @@ from shsa_core.model.service import Service
 def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     """Have a service decide about a failure; `told`: the table of health tells of it.
 
-    Else somebody does, who is not heeded if the table has told of it before.
+    Else somebody does, who is not heeded if the table has told of it, or of what came after it.
     """
     robot = core.robot
     topic, publisher = event.topic, event.publisher
     served = core.processes.served(publisher)
     service = _service_of(core, event, served)
-    if robot.ending or service is None:
+    if service is None:
         return []
     name = service.name
     if publisher in robot.health.substitutes and name not in served:
@@ -40,21 +39,17 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     if not event.detail:
         text = f"{topic}: a failure of {publisher or 'nobody'} is told without saying what was seen"
         return [Log(Level.WARN, f"{text}. Nothing is healed without evidence.")]
+    # A node that is asked about does well, and so does a substitute that tells of its law.
+    well = event.kind in (Kind.REQUESTED, Kind.NO_VALUE)
+    if not (told or well or robot.health.note(event)):
+        return []
+    core.unsettle([name, *core.concerned(topic, publisher)])
     if not service.needed:
-        if not told and not robot.health.note(event):
-            return []  # said when the table told it
-        core.unsettle([name, *core.concerned(topic, publisher)])
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
-    # A node that is asked about does well, and so does a substitute that tells of its law.
-    if event.kind not in (Kind.REQUESTED, Kind.NO_VALUE):
-        if not told and not robot.health.note(event):
-            core.services[name].note_message(event)
-            return core.ask(name, lambda each: [])
-        host = robot.host_of(publisher or service.node) if robot.som.hosts else ""
-        if host and event.kind in MISSED:  # it is not known yet whether the computer is lost
-            robot.computers.doubt(host, event.time)
-    core.unsettle([name, *core.concerned(topic, publisher)])
+    host = robot.host_of(publisher or service.node) if event.kind in MISSED else ""
+    if host:  # it is not known yet whether the computer is lost
+        robot.computers.doubt(host, event.time)
     return core.ask(name, lambda each: each.failed(event))
 
 
@@ -67,12 +62,9 @@ def _service_of(core: Core, event: FailureSeen, served: Tuple[str, ...]) -> Opti
 
 
 def _substituted(core: Core, topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
-    """Return the services of a topic that the substitutes in a process work for.
-
-    One that is nobody else's may have advertised other topics before it was set to work.
-    """
+    """Return the services of a topic that the substitutes in a process work for."""
     services = core.robot.som.services
-    if len(served) == 1:
+    if len(served) == 1:  # it may have advertised other topics before it was set to work
         return served
     return tuple(name for name in served if services[name].topic == topic)
 
@@ -81,12 +73,7 @@ def health_seen(core: Core, event: HealthSeen) -> List[Command]:
     """Take over what a monitor tells, and have those decide whom it concerns."""
     if event.whole:
         core.asked.set(core.robot.computers.name(event.host), None)
-    health = core.robot.health
-    going_on = [health.failure(row) for row in event.rows if health.goes_on(row)]
-    commands = _changed(core, *health.heed(event))
-    for failure in going_on:
-        commands += failed(core, failure)
-    return commands
+    return _changed(core, *core.robot.health.heed(event))
 
 
 def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -> List[Command]:
@@ -172,37 +159,26 @@ def host_seen(core: Core, event: HostSeen) -> List[Command]:
     computers, host = robot.computers, robot.computers.name(event.host)
     if host and host not in robot.som.hosts:
         return []
-    heard, lost = computers.of(host).heard, bool(computers.lost(host))
-    link = event.sent + event.received
-    back = computers.seen(event.time, host, event.load, event.cores, link)
-    commands: List[Command] = []
+    lost = bool(computers.lost(host))
+    computers.seen(event.time, host, event.load, event.cores, event.sent + event.received)
+    commands = _decide_anew(core, host)  # a silence may be the node's own by now
     if lost:
-        commands.append(Log(Level.INFO, f"{host} is back."))
-        for service in robot.on(host):
-            core.unsettle([service.name])
-    if back:
-        commands += _excuse(core, host, heard)
-    commands += core.deliver(core.nodes.computer_heard(host))
-    lacking = [name for name in robot.indexes.stuck if core.services[name].place is None]
-    commands += core.ask_all(lacking, lambda each: each.replan())
-    for name in list(robot.indexes.kept):  # its silence may be its own by now
-        waited = robot.som.services[name]
-        if waited.on_partition is OnPartition.WAIT and computers.name(waited.host) == host:
-            commands += core.ask(name, lambda each: each.replan())
-    return commands + (ask_monitor(core, host) if lost else [])
+        core.unsettle(service.name for service in robot.on(host))
+        commands += [Log(Level.INFO, f"{host} is back."), *ask_monitor(core, host)]
+    return commands
 
 
-def _excuse(core: Core, host: str, heard: float) -> List[Command]:
-    """Blame no node for its silence since its computer was heard, which was cut off."""
-    excused = core.nodes.excuse(host, heard)
-    return [c for node in excused for c in core.ask_accusers(node, lambda each: each.show_trust())]
+def _decide_anew(core: Core, host: str) -> List[Command]:
+    """Have those services decide that wait for their computer."""
+    waiting = [s.name for s in core.robot.on(host) if s.on_partition is OnPartition.WAIT]
+    healing = core.robot.indexes.healing
+    return core.ask_all(filter(healing.__contains__, waiting), lambda each: each.replan())
 
 
 def host_lost(core: Core, event: HostLost) -> List[Command]:
     """Note that a computer is not heard any more."""
     robot, processes = core.robot, core.processes
     host = robot.computers.name(event.host)
-    heard = robot.computers.of(host).heard
     if host not in robot.som.hosts or not robot.computers.lose(host, event.time, event.detail):
         return []
     why = f"{host} is lost: {event.detail.rstrip('.')}"
@@ -212,13 +188,11 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
         if service.needed and service.event_driven:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
-    commands += core.settle() + _excuse(core, host, heard)
+    commands += core.settle()
     commands += core.deliver(core.nodes.computer_lost(host, why))
     _place_warm(core)
     commands += core.ask_all(processes.working_on(host), lambda each: each.rehost())
-    for service in robot.on(host):
-        if service.on_partition is OnPartition.WAIT and service.needed:
-            commands += core.ask(service.name, lambda each: each.replan())
+    commands += _decide_anew(core, host)
     return commands + ask_monitor(core, host, event.time + ANSWER_S)
 
 

@@ -3,16 +3,16 @@ from typing import Dict, List, Tuple
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing.events import Command, LearnNode, NodeLearned
-from shsa_core.healing.health import Health
-from shsa_core.healing.settings import LEARN_PAUSES_S
+from shsa_core.healing.robot import Robot
 
 
 class Identities:
     """The processes of nodes, which `Health.verified` and `Health.protected` tell of."""
 
-    def __init__(self, health: Health) -> None:
+    def __init__(self, robot: Robot) -> None:
         self.agenda: Agenda[str] = Agenda()  # nodes that are to be looked at again
-        self._health = health
+        self._health = robot.health
+        self._settings = robot.settings
         self._tries: Dict[str, Tuple[int, str]] = {}  # and the topic by which they are learned
 
     def came_up(self, node: str, topic: str) -> List[Command]:
@@ -27,8 +27,8 @@ class Identities:
         node, protected = event.node, self._health.protected
         if not event.known and node in self._tries:
             tries, topic = self._tries[node]
-            self._tries[node] = min(tries + 1, len(LEARN_PAUSES_S) - 1), topic
-            self.agenda.set(node, event.time + LEARN_PAUSES_S[tries])
+            self._tries[node] = tries + 1, topic
+            self.agenda.set(node, event.time + self._settings.paused(tries))
         if event.known:
             self._health.verified.add(node)
             protected.pop(node, None)

@@ -1,6 +1,7 @@
 """Ends a node: asks it first, then ends its process; and says what is certain of that."""
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, NamedTuple, Optional, Tuple, Union
+from math import inf
+from typing import Dict, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.healing import events, settings as limits
@@ -40,14 +41,14 @@ class KillNode:
 
 
 class Outcome(Word):
-    """The end of a kill."""
+    """The end of a kill, as it is told of the node."""
 
-    GONE = "it is gone for certain"
-    UNSURE = "it could not be reached to make sure"
-    SPARED = "it was to be cleared if it is dead, and may still run"
-    ANOTHER = "it is not the one that failed, and is not touched"
-    UNREACHED = "its computer was lost"
-    WELL = "it may do well, as its own computer tells"
+    GONE = "is gone"  # for certain
+    UNSURE = "may still be running"  # it could not be reached to make sure
+    SPARED = "is spared"  # it was to be cleared if it is dead
+    ANOTHER = "is left alone"  # it is not the one that failed
+    UNREACHED = "may still run"  # its computer was lost
+    WELL = "is not killed"  # it may do well, as its own computer tells
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,11 @@ class KillOver:
     detail: str = ""
     cause: str = ""
     starter: str = ""
+
+    @property
+    def told(self) -> str:
+        """Return how the kill ended, in words."""
+        return f"{self.node} {self.outcome}: {', '.join(filter(None, (self.detail, self.cause)))}"
 
 
 KillEvent = Union[NodeFound, events.NodeAnswered, events.NodeLeft, events.ProcessUntouchable]
@@ -90,14 +96,6 @@ class _Kill:
         return max(limits.LISTEN_S, limits.LISTEN_PERIODS * period) if period else 0.0
 
 
-class _Pending(NamedTuple):
-    """A kill that waits for a computer; `silent`: until that was heard beside the silence."""
-
-    host: str
-    since: float
-    silent: bool
-
-
 class Kills:
     """The kills that are under way; those are `Health.dying`.
 
@@ -113,13 +111,12 @@ class Kills:
         self._health = robot.health
         self._settings = robot.settings
         self._kills: Dict[str, _Kill] = {}
-        self._pending: Dict[str, _Pending] = {}
         self._tries: Dict[str, int] = {}
-        self._slow: Dict[str, Tuple[float, float]] = {}  # there: since when, and when seen last
+        self._slow: Dict[str, float] = {}  # there: since when at each look
 
     def under_way(self, node: str) -> bool:
         """Tell that a node is being killed, or that its kill waits."""
-        return node in self._kills or node in self._pending
+        return node in self._kills or self.again.when(node) < inf
 
     def order(self, order: KillNode) -> List[Command]:
         """Begin a kill, or let it wait: a silence must last beside the node's computer."""
@@ -127,32 +124,30 @@ class Kills:
         host = robot.host_of(node) if robot.som.hosts else ""
         waits = order.only_here and (host or not order.quick)
         if waits and robot.computers.reachable(host):
-            self._pending[node] = _Pending(host, robot.time, True)
-            if not host:  # our own is heard all the time
-                self.again.set(node, robot.time + CERTAIN_S)
+            self.wait(node)
             return []
-        self._pending.pop(node, None)
         return self.begin(robot.time, order if host else replace(order, period=0.0))  # no link
 
-    def wait(self, kill: KillOver, host: str, silent: bool) -> None:
-        """Kill a node again once its computer is heard; `silent`: beside its silence."""
-        self._pending[kill.node] = _Pending(host, kill.time, silent)
+    def wait(self, node: str) -> None:
+        """Kill a node later, once its computer was heard beside it."""
+        self.again.set(node, self._robot.time + CERTAIN_S)
 
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
-        self._pending.pop(node, None)
+        self.again.set(node, None)
+        self._slow.pop(node, None)
 
-    def heard_of(self, host: str) -> List[str]:
-        """Return the nodes that have waited for a computer for long enough."""
-        steady, time = self._robot.computers.of(host).steady, self._robot.time
-        there = self._robot.computers.reachable(host)
-        due = [
-            node
-            for node, each in self._pending.items()
-            if each.host == host
-            and (not each.silent or time - max(each.since, steady) >= CERTAIN_S)
-        ]
-        return [node for node in due if there and self._pending.pop(node)]
+    def due(self) -> List[str]:
+        """Return the nodes to kill again; those wait on whose computers are not heard for long."""
+        robot, found = self._robot, []
+        for node in self.again.pop_due(robot.time):
+            host = robot.host_of(node)
+            heard = robot.time - robot.computers.of(host).steady >= CERTAIN_S
+            if host and not (robot.computers.reachable(host) and heard):
+                self.wait(node)
+            else:
+                found.append(node)
+        return found
 
     def begin(self, time: float, order: KillNode) -> List[Command]:
         """Kill a node; nothing is done if that is under way, but it may be spared no more."""
@@ -201,13 +196,9 @@ class Kills:
                 said += self._force(time, node, kill)
             elif kill.where is None and kill.order.period:
                 said += self.unreached(time, node, "its computer does not say how it does")
-            elif kill.where is Where.ELSEWHERE:
-                does = "does not end" if kill.answered else "does not answer"
-                why = f"it runs on another computer and {does}"
-                said += self._over(time, node, False, why)
             else:
-                lost = "it could not be found in time"
-                why = lost if kill.where is None else "its process does not end"
+                ends = "it does not end" if kill.answered or kill.forced else "it does not answer"
+                why = "it could not be found in time" if kill.where is None else ends
                 if not kill.order.if_dead:
                     tries = self._tries[node] = self._tries.get(node, -1) + 1
                     self.again.set(node, time + self._settings.paused(tries))
@@ -216,6 +207,7 @@ class Kills:
 
     def unreached(self, time: float, node: str, detail: str) -> List[Said]:
         """End a kill as the node's computer was lost, or does not answer in time."""
+        self._slow.pop(node, None)
         if self._kills[node].order.if_dead:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
@@ -240,10 +232,10 @@ class Kills:
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")
-        if where is Where.UNKNOWN and order.period:
-            return self.unreached(time, node, event.detail or "nothing can be verified there")
         if where is Where.UNKNOWN:
             why = event.detail or "it cannot be verified which process it is"
+            if order.period:
+                return self.unreached(time, node, why)
             return self._over(time, node, False, why)
         if where is Where.HERE and order.period:
             strained = self._robot.computers.strained(self._robot.host_of(node))
@@ -252,12 +244,9 @@ class Kills:
                 return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
             return [*self._force(time, node, kill)]
-        if where is Where.ELSEWHERE and order.period and not order.only_here:
-            return self.unreached(time, node, "no agent says how it does on its computer")
-        if where is Where.ELSEWHERE and order.only_here:
+        if where is Where.ELSEWHERE and (order.period or order.only_here):
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
-            why = "it is silent on another computer, and left alone there"
-            return self._over(time, node, False, why)
+            return self.unreached(time, node, "no agent says how it does on its computer")
         quick = where is Where.HERE and order.quick
         self.agenda.set(
             node, time + (self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S)
@@ -274,7 +263,7 @@ class Kills:
         `rate`: messages/s that it sends there, every `period` s by the SOM; None: it cannot be
         told.
         """
-        since, last = self._slow.pop(node, (time, time))
+        began = self._slow.pop(node, time)
         if rate is None:
             return "nobody is connected to it on its own computer", LINK
         seen = f"on its own computer it sends {rate:.0f} messages/s"
@@ -284,10 +273,9 @@ class Kills:
             return seen, LINK
         if strained:
             return seen, STRAINED
-        since = time if time - last > limits.FORGET_S else since
-        if time - since >= limits.STEADY_S:
+        if time - began >= 2.0 * CERTAIN_S:  # so did two more looks
             return None
-        self._slow[node] = since, time
+        self._slow[node] = began
         return seen, PASSES
 
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:

@@ -31,6 +31,7 @@ from shsa_core.model.som import Som
 
 HEALTH = (events.HealthSeen, events.FailureSeen)
 ENDINGS = (events.ShuttingDown, events.LaunchEnding, events.StarterEnded)
+"""Heeded although the robot's launch ends: nodes stop on purpose then."""
 NOT_HELD = (events.Started, events.MaintenanceSet, *ENDINGS)
 FORGOTTEN = (*HEALTH, events.Tick, events.Idle, events.CalibrationsHeard)  # told again
 TELLING = (events.Log, events.ShowIncident, events.ShowSom)
@@ -44,10 +45,9 @@ class Reconfigurator:
         ontology: the relations to search.
         som: the services; may change later by SomChanged.
         settings: times and limits.
-        namespace: where healing runs: relative names are in it, and so are the substitutes' names,
-            which are never used twice.
+        namespace: where healing runs: relative names are in it, and the substitutes' names.
         dry_run: advise, whatever the SOM says: nothing is killed or started.
-        restarts: whether nodes may be started again; else their policy counts as the rest of it.
+        restarts: nodes may be started again; else their policy counts as the rest of it.
         host: the name in the SOM of the computer that we run on; empty: not known.
     """
 
@@ -74,14 +74,14 @@ class Reconfigurator:
         robot.som = robot.planner.som = robot.as_told(som)
         self.services = core.services
         self._watched: Tuple[str, ...] = ()
-        self._nodes, self._processes = nodes, _ = core.nodes, core.processes
+        self._nodes, self._processes = nodes, processes = core.nodes, core.processes
         for service in robot.som:
             self._add(service)
         self._handlers: Dict[Type[Event], Callable[[Any], List[Command]]] = dispatch.table(
             Event,
             {
                 events.Started: self._started,
-                events.Prepared: self._prepared,
+                events.Prepared: lambda event: processes.hold_starts(-inf),
                 events.ShuttingDown: self._shutting_down,
                 events.LaunchEnding: self._launch_ending,
                 events.MaintenanceSet: self._maintenance_set,
@@ -93,7 +93,9 @@ class Reconfigurator:
                 events.NodeCameUp: lambda e: core.ask_accusers(e.node, lambda each: each.came_up()),
                 **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
                 events.NodeUnregistered: self._node_unregistered,
-                events.SubstituteStarted: self._substitute_started,
+                events.SubstituteStarted: lambda event: core.ask_all(
+                    processes.served(event.node), lambda each: each.started(event.time)
+                ),
                 events.ProcessExited: self._process_exited,
                 events.ProcessPulse: self._process_pulse,
                 events.SubstituteRequested: self._requested,
@@ -114,7 +116,7 @@ class Reconfigurator:
     def handle(self, event: Event) -> List[Command]:
         """Return what is to be done about `event`."""
         robot, processes = self.robot, self._processes
-        if self._over:
+        if self._over and not isinstance(event, ENDINGS):
             return []  # nobody would stop what is started now
         robot.time = max(robot.time, event.time)  # a failure is heard after it was seen
         self._core.forget_ended()
@@ -127,18 +129,16 @@ class Reconfigurator:
         commands += self._core.settle()
         if not self._over:
             commands += processes.refill(robot.time)
-        watched = tuple(sorted({*robot.indexes.refused.values()}))
+        machines = map(self.services.__getitem__, robot.indexes.healing)
+        watched = tuple(sorted({each.incident.faulty_node for each in machines if each.refuses}))
         if watched != self._watched:
             self._watched = watched
             commands.append(events.WatchNodes(watched))
         robot.records.set("counters", Counters(robot.incidents, robot.names.next))
         # What is written down comes first; then the table, which decides who publishes.
         first: List[Command] = [*robot.records.change(), *processes.wanted.change()]
-        acting: List[Command] = []
-        telling: List[Command] = []
-        for command in (*first, *commands, *robot.availability.states.change()):
-            (telling if isinstance(command, TELLING) else acting).append(command)
-        return acting + telling
+        said = [*first, *commands, *robot.availability.states.change()]
+        return sorted(said, key=lambda each: isinstance(each, TELLING))
 
     @property
     def plans_ahead(self) -> bool:
@@ -197,8 +197,7 @@ class Reconfigurator:
     def _started(self, event: events.Started) -> List[Command]:
         """Begin; what is needed is known first: processes that stand by for it are taken up."""
         robot = self.robot
-        for topic, nodes in event.subscribers:
-            robot.health.consumers[topic] = self.names.consumers(nodes)
+        robot.note_subscribers(event.subscribers)
         robot.som = robot.planner.som = robot.as_told(self._given)
         for service in robot.som:
             self._offer(service)
@@ -206,8 +205,8 @@ class Reconfigurator:
 
     def _graph_seen(self, event: events.GraphSeen) -> List[Command]:
         robot = self.robot
-        for topic, nodes in event.subscribers:
-            robot.health.consumers[topic] = self.names.consumers(nodes)
+        robot.note_subscribers(event.subscribers)
+        for topic, _ in event.subscribers:
             self._core.unsettle([service.name for service in robot.som.of_topic(topic)])
         commands: List[Command] = []
         for node, duties in event.duties:
@@ -229,7 +228,7 @@ class Reconfigurator:
         self.robot.calibrations.forget(name)
         self._processes.no_stand_by(name)
         self._core.agenda.set(name, None)
-        self._core.unsettle([name], another=True)
+        self._core.unsettle([name])
         return commands
 
     def _offer(self, service: Service) -> None:
@@ -264,7 +263,7 @@ class Reconfigurator:
                 continue
             beside = len(old.of_topic(topic)) > 1, len(som.of_topic(topic)) > 1
             if old.services[name] != service or beside[0] is not beside[1]:
-                self._core.unsettle([name], another=True)
+                self._core.unsettle([name])
                 self._offer(service)
                 close = not service.needed
                 commands += self._core.ask(
@@ -277,10 +276,6 @@ class Reconfigurator:
 
     # The rest of the events.
 
-    def _prepared(self, event: events.Prepared) -> List[Command]:
-        self._processes.starts.held_until = -inf
-        return []
-
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
         """End every substitute."""
         self._over = True
@@ -290,8 +285,7 @@ class Reconfigurator:
         return [events.StopSubstitute(node) for node in self.substitutes]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
-        """Heal nothing from now on: what stops does so on purpose."""
-        self.robot.ending = True
+        self._over = True
         self._processes.starts.waiting.clear()
         return []
 
@@ -308,7 +302,7 @@ class Reconfigurator:
 
     def _maintain(self, on: bool) -> None:
         self.robot.maintained = on
-        self._processes.starts.held_until = inf if on else -inf
+        self._processes.hold_starts(inf if on else -inf)
         self._core.ask_all(self._processes.substituted, lambda each: [])
 
     def _let_through(self, event: Event) -> List[Event]:
@@ -330,7 +324,7 @@ class Reconfigurator:
 
     def _node_unregistered(self, event: events.NodeUnregistered) -> List[Command]:
         self._nodes.left_in_order(event.node)
-        return self._core.ask_accusers(event.node, lambda each: each.show_trust())
+        return self._core.ask_accusers(event.node, lambda each: each.step())
 
     def _node_restarted(self, event: events.NodeRestarted) -> List[Command]:
         if event.node not in self.robot.health.substitutes:  # none of ours is ever started again
@@ -343,20 +337,18 @@ class Reconfigurator:
         self.robot.restarted.discard(event.node)
         return [events.StopNode(event.node)] if ours else []
 
-    def _substitute_started(self, event: events.SubstituteStarted) -> List[Command]:
-        served = self._processes.served(event.node)
-        return self._core.ask_all(served, lambda each: each.started(event.found, event.time))
-
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:
-        served, commands = self._processes.exited(event)
-        return commands + self._core.ask_all(
-            served, lambda each: each.substitute_failed(event.told)
-        )
+        what = "died" if event.started else "was not started"
+        return self._process_failed(event.node, f"its process {what} ({event.detail})")
 
     def _process_pulse(self, event: events.ProcessPulse) -> List[Command]:
-        served = self._processes.served(event.node) if not event.heard else ()
-        commands = self._processes.tells(event.node, event.heard)
-        why = "its process gives no sign of life"
+        if event.heard:
+            return self._processes.heard(event.node)
+        return self._process_failed(event.node, "its process gives no sign of life")
+
+    def _process_failed(self, node: str, why: str) -> List[Command]:
+        served = self._processes.served(node)
+        commands = self._processes.failed(node, why)
         return commands + self._core.ask_all(served, lambda each: each.substitute_failed(why))
 
     def _requested(self, event: events.SubstituteRequested) -> List[Command]:
@@ -367,12 +359,11 @@ class Reconfigurator:
         if service is None:
             return []
         originals = self.robot.health.originals(self.robot.som, service)
-        healthy = [row for row in originals if row.is_well]
-        node = healthy[0].publisher if healthy else service.node
-        last_good = healthy[0].last_good if healthy else None
+        well = next((row for row in originals if row.is_well), None)
+        node, last_good = (well.publisher, well.last_good) if well else (service.node, None)
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
-        return hearing.failed(self._core, failure, told=True)
+        return hearing.failed(self._core, failure)
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""
@@ -407,11 +398,7 @@ class Reconfigurator:
         return commands + self._core.ask_all(due, lambda each: each.tick())
 
     def validate(self) -> None:
-        """Raise ShsaError if an invariant is broken.
-
-        These are those of each machine, one publisher a service, one owner a process, none that
-        stands by where it cannot be told, and something that will happen next in each incident.
-        """
+        """Raise ShsaError if an invariant of a machine, or between them, is broken."""
         robot, processes = self.robot, self._processes
         owners: Dict[str, str] = {node: "the pool" for node in processes.pool.processes}
         for name, machine in self.services.items():
@@ -422,11 +409,10 @@ class Reconfigurator:
                 raise ShsaError(f"{node} works for {name} and for {owners[node]}")
             if node:
                 owners[node] = name
-            waits = state is State.HEALING and not machine.timers
-            faulty = incident.faulty_node
-            comes = self._nodes.awaited(faulty) or self._nodes.kills.under_way(faulty)
-            if waits and not (robot.ending or comes):
-                raise ShsaError(f"{name} is being healed, and nothing will ever happen")
+            nodes, faulty = self._nodes, incident.faulty_node
+            if state is State.HEALING and not machine.timers:
+                if not (nodes.awaited(faulty) or nodes.kills.under_way(faulty)):
+                    raise ShsaError(f"{name} is being healed, and nothing will ever happen")
             if state is not State.WELL and robot.availability.states.rows[name].available:
                 raise ShsaError(f"{name} is {state} and available at the same time")
             host = machine.substitute.host

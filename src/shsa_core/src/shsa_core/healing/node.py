@@ -9,7 +9,7 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, Optional, Sequence, Set
+from typing import Dict, List, Optional, Sequence
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -66,14 +66,13 @@ class Accusation:
 class Case:
     """The accusations against a node, by service, and how far it is trusted.
 
-    `before`: the trust before its last failure. `failing`: since that it was not back. `refusals`:
-    how often it was killed as it came back while it is kept out.
+    `failing`: it was not back since its last failure; `doubtful`: of how many relapses it was not
+    sure before that. `refusals`: how often it was killed as it came back while it is kept out.
     """
 
     accusations: Dict[str, Accusation] = field(default_factory=dict)
     trust: Trust = UNTRIED
-    before: Trust = UNTRIED
-    failed_at: float = -math.inf
+    doubtful: int = 0
     failing: bool = False
     refusals: int = 0
 
@@ -83,12 +82,11 @@ class Nodes:
 
     def __init__(self, robot: Robot) -> None:
         self.kills = Kills(robot)
-        self.identities = Identities(robot.health)
+        self.identities = Identities(robot)
         self._robot = robot
         self.stakes = Stakes(robot)
         self._settings = robot.settings
         self._health = robot.health
-        self.orphans: Set[str] = set()  # what was left behind
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
 
@@ -189,16 +187,12 @@ class Nodes:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
         time = self._robot.time
         said = self._outcomes(self.kills.tick(time))
-        for node in self.kills.again.pop_due(time):
+        for node in self.kills.due():
             said += self._kill_again(node)
         for node in self._returns.pop_due(time):
             said += self._return_due(node, self._cases[node])
         said += self.identities.due(time)
         return said
-
-    def computer_heard(self, host: str) -> List[Said]:
-        """Begin the kills that have waited for a computer."""
-        return [said for node in self.kills.heard_of(host) for said in self._kill_again(node)]
 
     def computer_lost(self, host: str, why: str) -> List[Said]:
         """End the kills on a computer that is lost: they go on when it is back."""
@@ -207,10 +201,8 @@ class Nodes:
         return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
     def _kill_again(self, node: str) -> List[Said]:
-        """Kill a node that is still accused, and has not returned, or that was left behind."""
+        """Kill a node that is still accused, and has not returned."""
         said: List[Said] = []
-        if node in self.orphans:  # a busy computer may not have found it at once
-            said += self.kills.order(KillNode(node))
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is not None and not accusation.back and not accusation.kept:
@@ -219,7 +211,6 @@ class Nodes:
         return said
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
-        """Note how kills ended, for all that accuse the node."""
         found: List[Said] = []
         for each in said:
             found += self._over(each) if isinstance(each, KillOver) else [each]
@@ -236,14 +227,13 @@ class Nodes:
                 each.kind = Kind.SILENT
             return [kill]
         if kill.outcome is Outcome.WELL:
-            self.kills.wait(kill, host, silent=True)
+            self.kills.wait(node)
             news = any(each.excuse != kill.cause for each in accusations)
-            why = f"{node} is not killed: {kill.detail}, {kill.cause}"
             for each in accusations:
-                each.decision, each.fate, each.excuse = why, Fate.NONE, kill.cause
+                each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
             return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
-            self.kills.wait(kill, host, silent=all(each.silent for each in accusations))
+            self.kills.wait(node)
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = Fate.NONE
@@ -268,9 +258,8 @@ class Nodes:
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)
             return commands
-        self.orphans.discard(node)
         if case:  # its last failure was its own
-            doubtful = min(case.trust.doubtful, case.before.doubtful)
+            doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
 
@@ -313,7 +302,6 @@ class Nodes:
         return self._cases[node].trust
 
     def _may_restart(self, node: str) -> bool:
-        """Tell that a node would be started again if its policy is that."""
         trust = self._cases[node].trust
         used_up = trust.exhausted or trust.restarts >= self._settings.node_restarts
         return not used_up and not self.kept_out(node)
@@ -331,7 +319,7 @@ class Nodes:
         if case.failing or kind is Kind.REQUESTED:
             return
         trust = case.trust
-        case.failing, case.failed_at, case.before = True, time, trust
+        case.failing, case.doubtful = True, trust.doubtful
         if not soon:
             calm = trust.well_since is not None and time - trust.well_since > settings.stable
             trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
@@ -345,21 +333,6 @@ class Nodes:
         relapses = trust.relapses + 1
         trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)
-
-    def excuse(self, host: str, heard: float) -> List[str]:
-        """Blame no node for its silence since its computer was heard, which was cut off.
-
-        Returns the nodes that are not kept out by that.
-        """
-        excused: List[str] = []
-        for node, case in self._cases.items():
-            silent = any(each.silent for each in case.accusations.values())
-            if silent and case.failed_at >= heard and self._robot.host_of(node) == host:
-                former = case.before
-                trust = replace(case.trust, relapses=former.relapses, doubtful=former.doubtful)
-                self._trust(node, case, replace(trust, soon=former.soon))
-                excused.append(node)
-        return excused
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
@@ -394,7 +367,7 @@ class Nodes:
 
     def _return_due(self, node: str, case: Case) -> List[Said]:
         """Start a node, or end one that did not come up in time."""
-        specs = map(self._robot.spec, () if self._robot.ending else tuple(case.accusations))
+        specs = map(self._robot.spec, tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
         due = self._robot.time + self._settings.restart_timeout if starts and own else None
@@ -431,7 +404,6 @@ class Nodes:
         self._trust(record.node, case, record.trust)
 
     def _trust(self, node: str, case: Case, trust: Trust) -> None:
-        """Change the trust in a node, and write that down."""
         if trust == case.trust:
             return
         case.trust = trust
@@ -442,6 +414,7 @@ class Nodes:
     def validate(self) -> None:
         """Raise ShsaError if a node is to be killed, and nothing will happen."""
         for node, case in self._cases.items():
-            killed = any(each.fate is Fate.KILLED for each in case.accusations.values())
+            accused = case.accusations.values()
+            killed = any(each.fate is Fate.KILLED and not each.back for each in accused)
             if killed and not self.kills.under_way(node):
                 raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

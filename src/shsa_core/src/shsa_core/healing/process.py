@@ -44,7 +44,7 @@ class Processes:
         self._robot = robot
         self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
         self.placement = Placement(robot.computers, self._placed, lambda: robot.som)
-        self._shared: Dict[str, bool] = {}  # processes that several share; another may join
+        self._shared: Dict[str, None] = {}  # processes that several share
         self._alone: Set[str] = set()  # services whose hot substitute has its own process
 
     @property
@@ -73,6 +73,11 @@ class Processes:
         nodes = (n for n in self._services if self._robot.elsewhere.get(n, "") == host)
         return [name for node in nodes for name in self._services[node]]
 
+    def hold_starts(self, until: float) -> List[Command]:
+        """Start nothing that stands by before a moment, in s."""
+        self.starts.held_until = until
+        return []
+
     # Where they run.
 
     def place(self, service: Service, plan: Plan) -> Place:
@@ -95,10 +100,11 @@ class Processes:
 
     # One is started, or set to work.
 
-    def set_to_work(self, service: Service, substitute: "Substitute", ahead: bool) -> Command:
+    def set_to_work(self, service: Service, substitute: "Substitute", ahead: bool) -> List[Command]:
         """Set an idle process on a computer to work, let one be shared, or start another.
 
-        `ahead`: nothing has failed yet; then several may share it.
+        The table tells a process that runs. `ahead`: nothing has failed yet; then several may share
+        it.
         """
         plan, host = substitute.plan, substitute.host
         time, planner = self._robot.time, self._robot.planner
@@ -109,24 +115,24 @@ class Processes:
         substitute.shared, substitute.started = shared, time if spare is None else spare.started
         node = "" if spare is None else spare.node
         if shared:
-            roomy = (each for each, room in self._shared.items() if room)
+            roomy = (each for each in self._shared if len(self._services[each]) < self._most)
             fits = (n for n in roomy if service.node not in self._services[n].values())
             node = next(fits, "")
         elif node:
             self.pool.take(time, node)
             self._robot.records.set(f"idle {node}", None)
-        command: Command = events.AssignSubstitute(node)
+        commands: List[Command] = []
         if not node and shared:
             node = self._robot.names.fresh("host")
-            command = self._start(events.StartSubstitute(node, None, shared=True))
+            commands = [self._start(events.StartSubstitute(node, None, shared=True))]
         elif not node:
             node = self._robot.names.fresh(service.topic.strip("/").replace("/", "_"))
             inputs, outputs = planner.signals(plan.inputs), planner.outputs(plan)
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
-            command = self._start(start)
+            commands = [self._start(start)]
         substitute.node = node
         self.take_up(service, node, host, shared)
-        return command
+        return commands
 
     def _start(self, command: events.StartSubstitute) -> events.StartSubstitute:
         self._robot.health.substitutes.add(command.node, self.nodes)
@@ -142,16 +148,12 @@ class Processes:
         if host:
             self._robot.elsewhere[node] = host
         if shared:
-            self._shared[node] = len(services) < self._most
+            self._shared[node] = None
         elif standby(service) is Standby.HOT:
             self._alone.add(service.name)
 
     def _shares(self, service: Service, plan: Plan) -> bool:
-        """Tell that the substitute of a hot service shares a process.
-
-        What is latched, or comes at no period, is told once to a process: who joins later would not
-        hear it.
-        """
+        """Tell that a substitute may join others, whose process hears what is latched once only."""
         crowded = 0 < self._most <= len(self._alone - {service.name})
         return crowded and all(source.service.period is not None for source in plan.inputs)
 
@@ -167,39 +169,26 @@ class Processes:
         shared = node in self._shared
         self.wanted.set(shared_key(node, service) if shared else node, None)
         if services:
-            self._shared[node] = True
             return []
         self._forget(node)
         return [events.StopSubstitute(node)]
 
-    def exited(self, event: events.ProcessExited) -> Tuple[Tuple[str, ...], List[Command]]:
-        """Note that a process has ended by itself. Returns whom it has worked for."""
-        node, served = event.node, self.served(event.node)
+    def heard(self, node: str) -> List[Command]:
+        """Note that a process gives a sign of life."""
         self.starts.over(node)
         if node in self.pool.processes:
-            self.pool.died(event.time, node)
-            self._forget(node)
-            return (), [Log(Level.WARN, f"An idle substitute failed: {event.told}.")]
-        for name in served:
-            self.leave(name, node)
-        return served, []
-
-    def tells(self, node: str, heard: bool) -> List[Command]:
-        """Note how a process does, and replace an idle one that hangs; services replace theirs."""
-        idle = node in self.pool.processes
-        if heard:
-            self.starts.over(node)
-            self.pool.heard.update([node] if idle else [])
-        elif idle:
-            text = f"{node} hangs. It is ended and replaced."
-            return [*self.drop_idle(node), Log(Level.WARN, text)]
+            self.pool.heard.add(node)
         return []
 
-    def drop_idle(self, node: str) -> List[Command]:
-        """End an idle process."""
-        self.pool.drop(node)
+    def failed(self, node: str, why: str) -> List[Command]:
+        """Replace an idle process that has ended, or hangs; services replace theirs."""
+        self.starts.over(node)
+        if node not in self.pool.processes:
+            return []
+        self.pool.died(self._robot.time, node)
         self._forget(node)
-        return [events.StopSubstitute(node)]
+        text = f"An idle substitute failed: {why}."
+        return [events.StopSubstitute(node), Log(Level.WARN, text)]
 
     def _forget(self, node: str) -> None:
         self._services.pop(node, None)
@@ -227,10 +216,10 @@ class Processes:
     def refill(self, time: float) -> List[Command]:
         """Start the idle processes that are due, and end those on computers that want none."""
         commands: List[Command] = []
-        if not self.pool.plans and not self.pool.processes:
-            return commands
         for node in self.pool.surplus(self._robot.computers):
-            commands += self.drop_idle(node)
+            self.pool.drop(node)
+            self._forget(node)
+            commands.append(events.StopSubstitute(node))
         host = None if time < self.starts.held_until else self.pool.due(time)
         while host is not None:
             command = events.StartSubstitute(self._robot.names.fresh("standby"), None, host=host)
@@ -274,8 +263,8 @@ class Substitute:
     `node` is its name, empty without a process; `host`: its computer, empty: the reconfigurator's
     own; `shared`: whether it is that of other services too; `changed`: when it was given its
     program. `working_since` is when it was set to work: what it has published since counts.
-    `patience` is how long its first message may take, in s; if that does not come, `plan_to_blame`,
-    or else the process is. `tried`: the plans that were tried in vain.
+    `plan_to_blame`, or else the process is, if no first message comes. `tried`: the plans that were
+    tried in vain.
     """
 
     def __init__(self, service: str, robot: Robot, processes: Processes) -> None:
@@ -283,7 +272,6 @@ class Substitute:
         self.shared = False
         self.plan: Optional[Plan] = None
         self.working_since = self.changed = 0.0
-        self.patience = TAKEOVER_S
         self.plan_to_blame = True
         processes.substitutes[service] = self
         self._service = service
@@ -294,9 +282,19 @@ class Substitute:
         self._deaths = 0
 
     @property
+    def patience(self) -> float:
+        """Return how long its first message may take, in s; one that is coming up is on its way."""
+        return max(TAKEOVER_S, self.started + START_S - self.changed)
+
+    @property
     def computes(self) -> bool:
         """Tell that it computes the lost values, and not just safe ones."""
         return self.plan is not None and self.plan.computes
+
+    @property
+    def vain(self) -> FrozenSet[Plan]:
+        """Return the plans that were tried in vain, if the one that is followed is in vain too."""
+        return self.tried if self.plan is None else self.tried | {self.plan}
 
     @property
     def whole(self) -> bool:
@@ -320,10 +318,9 @@ class Substitute:
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:
         """Return the best plan but for that followed and those tried; None: there is none."""
-        tried = self.tried if self.plan is None else self.tried | {self.plan}
         excluded = self._robot.health.doomed | {faulty}
         with suppress(ShsaError):
-            return self._robot.planner.plan(service, excluded, tried)
+            return self._robot.planner.plan(service, excluded, self.vain)
         return None
 
     def better(self, service: Service, faulty: str) -> Optional[Plan]:
@@ -352,21 +349,14 @@ class Substitute:
         """
         now = self._robot.time
         place = place or self.place(service, plan)
-        self.plan, self.changed, starts = plan, now, False
+        self.plan, self.changed = plan, now
         commands: List[Command] = []
-        if self.node:
-            commands.append(events.AssignSubstitute(self.node))
-        else:
+        if not self.node:
             self.host = place.host
-            command = self._processes.set_to_work(service, self, ahead)
-            commands.append(command)
-            starts = isinstance(command, events.StartSubstitute)
-            if starts or ahead:  # an idle one may have taken the topic over by itself
+            commands = self._processes.set_to_work(service, self, ahead)
+            if commands or ahead:  # an idle one may have taken the topic over by itself
                 self.working_since = now
-        # One that was started a moment ago is on its way: another one would come up no sooner.
-        coming_up = self.started + START_S - now
-        self.patience = max(TAKEOVER_S, coming_up)
-        self.plan_to_blame = starts or publishes
+        self.plan_to_blame = bool(commands) or publishes
         return commands
 
     def take_up(self, row: Substitution, plan: Plan, working_since: float) -> None:
@@ -413,9 +403,8 @@ class Substitute:
         Its plan counts as tried at once if `tried`; else after it died more than `restarts` times.
         """
         self._deaths += 1
-        if self.plan is not None and (tried or self._deaths > self._robot.settings.restarts):
-            self.tried |= {self.plan}
-            self._deaths = 0
+        if tried or self._deaths > self._robot.settings.restarts:
+            self.tried, self._deaths = self.vain, 0
         return self.drop()
 
     def forget(self) -> None:

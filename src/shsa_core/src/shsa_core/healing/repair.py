@@ -7,7 +7,7 @@ from typing import Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident, StartSubstitute
+from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident
 from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
 from shsa_core.healing.node import Accusation
 from shsa_core.healing.process import standby
@@ -15,7 +15,7 @@ from shsa_core.healing.records import Fate
 from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
-from shsa_core.planning.placement import HERE, NoRoom
+from shsa_core.planning.placement import HERE
 from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
@@ -27,7 +27,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     spec, robot, node = service.spec, service.robot, failure.publisher
     service.timers.clear()
     service.substitute.forget()
-    service.substitute.working_since = failure.time
+    service.substitute.working_since = failure.good_until
     service.pauses = 0
     service.accusation = service.nodes.accuse(spec, node, failure.kind)
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
@@ -56,8 +56,7 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
     nodes, node = service.nodes, failure.publisher
-    text = f"{service.spec.topic}: {node} failed again: {failure.detail}."
-    commands: List[Command] = [Log(Level.WARN, text)]
+    commands: List[Command] = [service.log(f"{node} failed again: {failure.detail}.")]
     former = service.incident.faulty_node
     accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
@@ -89,18 +88,17 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     plan, none = search(service)
-    text = f"{spec.topic}: {node} failed again: {failure.detail}."
-    commands += [Log(Level.WARN, text), *service.judge(accusation, plan)]
     detail = f"{node} failed again: {failure.detail}"
+    commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
     if service.nodes.kept_out(node) and not accusation.kept:
         detail = f"{node} keeps failing. It is kept out until it is released."
-        commands.append(Log(Level.ERROR, f"{spec.topic}: {detail}"))
+        commands.append(service.log(detail, Level.ERROR))
     healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:
         service.timers[Trigger.LATE] = robot.time + service.substitute.patience
     if awaited or not healed:
-        service.substitute.working_since = failure.time
+        service.substitute.working_since = failure.good_until
     commands += service.step(
         state=State.HEALED if healed and not awaited else State.HEALING,
         killed=None,
@@ -116,7 +114,7 @@ def await_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Wait for a message: what it has published since counts, though it may be heard late."""
     assert failure is not None
     service.timers[Trigger.LATE] = service.robot.time + service.substitute.patience
-    service.substitute.working_since = failure.time
+    service.substitute.working_since = failure.good_until
     return service.step(state=State.HEALING, first_message=None)
 
 
@@ -135,9 +133,8 @@ def replace_late(service: ServiceMachine, _: Failure) -> List[Command]:
         # It is not up yet: a new process would only make the machine busier. Or nobody can say.
         service.timers[Trigger.LATE] = robot.time + substitute.patience
         return []
-    text = f"{spec.topic}: the substitute failed: no message within {substitute.patience:.1f} s."
-    blamed = substitute.plan_to_blame
-    return [*substitute.failed(blamed), Log(Level.WARN, text), *heal(service)]
+    said = service.log(f"the substitute failed: no message within {substitute.patience:.1f} s.")
+    return [*substitute.failed(substitute.plan_to_blame), said, *heal(service)]
 
 
 def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -149,12 +146,12 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
     well = service.state is State.WELL
     faulty = spec.node if well else service.incident.faulty_node
     another = substitute.another(spec, faulty)
-    text = f"{spec.topic}: the substitute's law does not hold now"
+    text = "the substitute's law does not hold now"
     if another is None:
-        return [Log(Level.WARN, f"{text}, and there is no other.")]
-    said = Log(Level.WARN, f"{text}. The next best takes its place.")
-    if not well and substitute.plan is not None:
-        substitute.tried |= {substitute.plan}
+        return [service.log(f"{text}, and there is no other.")]
+    said = service.log(f"{text}. The next best takes its place.")
+    if not well:
+        substitute.tried = substitute.vain
         return [said, *heal(service)]
     service.timers[Trigger.RETRY] = robot.time + robot.settings.retry_limit
     return [*substitute.use(spec, another), said]
@@ -167,13 +164,13 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
     """
     substitute = service.substitute
     another = substitute.better(service.spec, service.incident.faulty_node)
-    assert substitute.plan is not None
-    topic, why = service.spec.topic, service.robot.planner.errs_too_much(substitute.plan)
     if another is None:
-        return [Log(Level.WARN, f"{topic}: the substitute is used no more: {why}."), *heal(service)]
-    substitute.tried |= {substitute.plan}
+        why = substitute.plan and service.robot.planner.errs_too_much(substitute.plan)
+        said = service.log(f"the substitute is used no more: {why}.")
+        return [said, *heal(service)] if why else []
+    substitute.tried = substitute.vain
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
-    return [Log(Level.WARN, f"{topic}: {text}"), *follow(service, another)]
+    return [service.log(text), *follow(service, another)]
 
 
 def retry(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -210,7 +207,6 @@ def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
             service.place = substitute.place(spec, plan)
         return plan, NOT_MISSED
     except ShsaError as none:
-        service.place = None if isinstance(none, NoRoom) else HERE
         return None, none
 
 
@@ -228,9 +224,10 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
-    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place or HERE
+    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place
     commands = substitute.use(spec, plan, place, publishes)
-    if spec.standby is Standby.WARM and isinstance(commands[0], StartSubstitute):
+    starts = bool(commands)
+    if spec.standby is Standby.WARM and starts:
         text += " No idle process is left: this is a cold start."
     text += place.words
     commands.append(Log(Level.INFO, text))
@@ -243,6 +240,8 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
         state=state,
         first_message=first_message,
         last_good=last_good,
+        found=robot.time,
+        spawned=None if starts else robot.time,
         detail=text,
         substitute=substitute.node,
         missing=plan.missing,
@@ -357,8 +356,7 @@ def publish(service: ServiceMachine, _: Failure) -> List[Command]:
     commands = service.step(state=State.HEALED, first_message=service.first_message())
     outage = service.incident.outage
     lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
-    text = f"{service.spec.topic}: {service.node} publishes it now.{lasted}"
-    commands.append(Log(Level.INFO, text))
+    commands.append(service.log(f"{service.node} publishes it now.{lasted}", Level.INFO))
     if service.accusation.fate is Fate.WAITS:
         commands += service.judge(service.accusation, service.substitute.plan) + service.step()
     return commands

@@ -6,7 +6,7 @@ from typing import Dict, FrozenSet, Iterable, Iterator, List, Optional, Set, Tup
 from shsa_core.codegen.plans import Plan
 from shsa_core.healing.events import WriteDown
 from shsa_core.healing.health import Availability, Health
-from shsa_core.healing.incident import STUCK, SUBSTITUTED, Incident, State
+from shsa_core.healing.incident import STUCK, Incident, State
 from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
 from shsa_core.model.kinds import OnPartition, Policy
@@ -22,19 +22,27 @@ from shsa_core.table import Table
 class Indexes:
     """Services by what they read and wait for, kept up as they decide.
 
-    `healing`: those with an incident. `stuck`: those that nothing can heal now, or not with all
-    values. `kept`: those whose faulty node is kept. `computed`: those that a substitute computes,
-    or is to: without which node, and which plans were tried in vain.
+    `healing`: those with an incident, and the plans that were tried in vain. `partly`: those that
+    nothing gives all values of.
     """
 
     def __init__(self) -> None:
-        self.stuck: Dict[str, None] = {}
-        self.kept: Dict[str, None] = {}
-        self.healing: Dict[str, None] = {}
-        self.computed: Dict[str, Tuple[str, FrozenSet[Plan]]] = {}
-        self.refused: Dict[str, str] = {}
+        self.healing: Dict[str, Tuple[Incident, FrozenSet[Plan]]] = {}
+        self.partly: Dict[str, None] = {}
         self._reads: Dict[str, Dict[str, None]] = {}
         self._readers: Dict[str, Set[str]] = {}
+
+    @property
+    def stuck(self) -> List[str]:
+        """Return the services that nothing can heal now, or not with all values."""
+        states = {name: incident.state for name, (incident, _) in self.healing.items()}
+        return [*self.partly, *(name for name, state in states.items() if state in STUCK)]
+
+    @property
+    def kept(self) -> List[str]:
+        """Return the services whose faulty node is kept."""
+        healing = self.healing.items()
+        return [n for n, (each, _) in healing if each.kept or each.state is State.KEPT]
 
     def readers(self, services: Iterable[str]) -> List[str]:
         """Return the services whose substitute reads one of some services."""
@@ -44,10 +52,8 @@ class Indexes:
         self, incident: Incident, name: str, plan: Optional[Plan], tried: FrozenSet[Plan]
     ) -> None:
         """Note how a service has decided, and what its substitute reads now."""
-        self.stuck.pop(name, None)
-        self.kept.pop(name, None)
         self.healing.pop(name, None)
-        self.computed.pop(name, None)
+        self.partly.pop(name, None)
         sources = plan.inputs if plan else ()
         for read in self._reads.get(name, ()):
             self._readers[read].discard(name)
@@ -55,13 +61,9 @@ class Indexes:
         for read in self._reads[name]:
             self._readers.setdefault(read, set()).add(name)
         if incident.state is not State.WELL:
-            self.healing[name] = None
-        if incident.state in STUCK or (plan and plan.left_out):
-            self.stuck[name] = None
-        if incident.state is State.KEPT or incident.kept:
-            self.kept[name] = None
-        if incident.state in SUBSTITUTED:
-            self.computed[name] = incident.faulty_node, tried
+            self.healing[name] = incident, tried
+        if plan and plan.left_out:
+            self.partly[name] = None
 
 
 class Robot:
@@ -69,8 +71,8 @@ class Robot:
 
     Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
     those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
-    `ending`: the launch of the robot ends, and nothing is healed or started any more. `dry_run`:
-    nothing is killed or started; `restarts`: nodes may be started again, as were those `restarted`.
+    `dry_run`: nothing is killed or started; `restarts`: nodes may be started again, as were those
+    `restarted`.
     """
 
     def __init__(
@@ -80,7 +82,7 @@ class Robot:
         self.som = som
         self.time = -inf
         self.incidents = 0
-        self.maintained = self.ending = self.dry_run = False
+        self.maintained = self.dry_run = False
         self.restarts = True
         self.elsewhere: Dict[str, str] = {}
         self.restarted: Set[str] = set()
@@ -93,6 +95,11 @@ class Robot:
         how = settings.method, settings.deadlines
         self.planner = Planner(ontology, som, self.availability.services, *how)
         self.calibrations = self.planner.calibrations
+
+    def note_subscribers(self, subscribers: Iterable[Tuple[str, Tuple[str, ...]]]) -> None:
+        """Note which nodes subscribe to topics."""
+        for topic, nodes in subscribers:
+            self.health.consumers[topic] = self.names.consumers(nodes)
 
     def acts(self, som: Som) -> bool:
         """Tell that something may be killed or started: the SOM says so, and it is no dry run."""

@@ -18,13 +18,12 @@ from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import SAME_S
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
-from shsa_core.planning.placement import HERE, Place
+from shsa_core.planning.placement import HERE
 
 
 Failure = Optional[FailureSeen]
@@ -42,7 +41,7 @@ class ServiceMachine:
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
     `spec`: the service as it counts now. `accusation`: what is held against the node that the
     incident blames. `last_message`: the last good one of the service, serialized. `place`: where
-    its substitute runs, or would; None: there is a plan, and no computer for it.
+    its substitute runs, or would.
     """
 
     def __init__(
@@ -63,7 +62,7 @@ class ServiceMachine:
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
-        self.place: Optional[Place] = HERE
+        self.place = HERE
         self.last_message = b""
         self._message_came = -math.inf
         self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
@@ -90,7 +89,7 @@ class ServiceMachine:
         It is if that was only silent, and nobody has made sure that it is gone, and in maintenance.
         On a shared topic somebody else is heard; there only one that a cut may part from it hears.
         """
-        lasts = self.accusation.kind in MISSED and self.incident.killed is None
+        lasts = self.incident.killed is None and self.accusation.kind in MISSED
         apart = self.parted or len(self.robot.som.of_topic(self.spec.topic)) == 1
         return (lasts or self.robot.maintained) and apart and self.publishes
 
@@ -101,16 +100,10 @@ class ServiceMachine:
         return bool(self.substitute.host or (host and self.robot.computers.name(host)))
 
     @property
-    def kept_out(self) -> bool:
-        """Tell that the faulty node may not return."""
-        node = self.incident.faulty_node
-        return self.state is not State.WELL and self.nodes.kept_out(node)
-
-    @property
     def refuses(self) -> bool:
         """Tell that the faulty node is gone, and may not return."""
         gone = self.incident.killed is not None and self.state is not State.RETURNING
-        return gone and self.kept_out
+        return gone and self.nodes.kept_out(self.incident.faulty_node)
 
     @property
     def originals(self) -> Tuple[PublisherHealth, ...]:
@@ -139,6 +132,10 @@ class ServiceMachine:
         changes.update(self.nodes.shown(self.accusation))
         self.incident = replace(self.incident, **changes)  # type: ignore[arg-type]
         return [ShowIncident(self.incident)]
+
+    def log(self, text: str, level: Level = Level.WARN) -> Log:
+        """Return a line of the log that begins with the topic."""
+        return Log(level, f"{self.spec.topic}: {text}")
 
     def shown(self, plan: Optional[Plan]) -> Dict[str, object]:
         """Return what an incident shows of the plan that is carried out, or could be."""
@@ -169,8 +166,8 @@ class ServiceMachine:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
                 commands = self.nodes.judge(self.spec, accusation, True, False)
                 self.nodes.acquit(self.spec, node)
-                text = f"{event.topic}: {node} failed ({event.detail}); {others[0]} carries on."
-                return [*commands, Log(Level.WARN, text)]
+                text = f"{node} failed ({event.detail}); {others[0]} carries on."
+                return [*commands, self.log(text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
         return commands + self._notice_first_message()  # by a bridge, heard before the failure
 
@@ -181,7 +178,7 @@ class ServiceMachine:
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
-        good = event.time if event.last_good is None else event.last_good
+        good = event.good_until
         safe_values = event.publisher == self.node and not self.substitute.computes
         stranger = event.kind is Kind.UNKNOWN_PUBLISHER
         if event.last_message and good >= self._message_came and not (safe_values or stranger):
@@ -202,8 +199,8 @@ class ServiceMachine:
             return self.fire(Trigger.SILENT, event) + self._notice_first_message()
         slow = event.kind is Kind.RATE_LOW and self.state is State.HEALED
         if slow and self.substitute.another(self.spec, self.incident.faulty_node) is None:
-            text = f"{self.spec.topic}: the substitute is slow ({event.detail})"
-            return [Log(Level.WARN, f"{text}, and goes on: there is no other."), *self.step()]
+            text = f"the substitute is slow ({event.detail}), and goes on: there is no other."
+            return [self.log(text), *self.step()]
         elsewhere = event.kind is Kind.SILENT and bool(self.substitute.host)  # or cut off
         tried = event.kind is not Kind.NODE_GONE and not elsewhere
         return self.substitute_failed(event.detail, tried)
@@ -216,42 +213,30 @@ class ServiceMachine:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:
             return self.step()
-        node, text = kill.node, self.accusation.decision
-        if kill.outcome is Outcome.UNREACHED:
-            text = f"{node} may still run: {kill.detail}"
-        elif kill.outcome is Outcome.UNSURE:
-            text = f"{node} may still be running: {kill.detail}"
-        elif kill.outcome is Outcome.ANOTHER:
-            text = f"{node} is left alone: {kill.detail}"
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
-        said = Log(Level.WARN, f"{self.incident.topic}: {text}.")
-        said = replace(said, level=Level.ERROR) if over else said
+        said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
         return commands + self.replan() + self.changed() if over else commands
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
         """Try to start the faulty node again, if it may be."""
         self.start_node()
-        text = f"{self.incident.topic}: {event.node} cannot be started again: {event.detail}."
-        return [Log(Level.ERROR, text), *self.replan()]
-
-    def show_trust(self) -> List[Command]:
-        """Show that the faulty node is kept out no more."""
-        return self.step() if self.incident.kept_out is not self.kept_out else []
+        text = f"{event.node} cannot be started again: {event.detail}."
+        return [self.log(text, Level.ERROR), *self.replan()]
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
-        if self.incident.state is not State.RETURNING and not self.kept_out:
+        if self.incident.state is not State.RETURNING and not self.nodes.kept_out(event.node):
             self.start_node()
         commands: List[Command] = []
-        node, topic = event.node, self.incident.topic
-        count = self.nodes.refusals(node)
+        count = self.nodes.refusals(event.node)
         if count:
             times = "once" if count == 1 else f"{count} times"
-            text = f"{node} is kept out, and was started again {times}"
+            text = f"{event.node} is kept out, and was started again {times}"
             text += f" by {event.starter}" if event.starter else ""
-            said = f"{topic}: {text}. Repair and release it: rosservice call /shsa/release {topic}"
-            commands = [Log(Level.ERROR, said), *self.step(detail=f"{text}.")]
+            how = f"Repair and release it: rosservice call /shsa/release {self.spec.topic}"
+            commands = [self.log(f"{text}. {how}", Level.ERROR)]
+            commands += self.step(detail=f"{text}.")
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:
@@ -284,14 +269,13 @@ class ServiceMachine:
 
     # The substitute's process.
 
-    def started(self, found: float, time: float) -> List[Command]:
-        """Note that the substitute was set to work; its plan was `found` before."""
-        return [] if self.state is State.WELL else self.step(found=found, spawned=time)
+    def started(self, time: float) -> List[Command]:
+        """Note that the process of the substitute was started."""
+        return [] if self.state is State.WELL else self.step(spawned=time)
 
     def substitute_failed(self, why: str, tried: bool = False) -> List[Command]:
         """Replace the substitute; its plan is not tried again if `tried`."""
-        text = f"{self.spec.topic}: the substitute failed: {why}."
-        commands = [*self.substitute.failed(tried), Log(Level.WARN, text)]
+        commands = [*self.substitute.failed(tried), self.log(f"the substitute failed: {why}.")]
         return commands + self.fire(Trigger.SUBSTITUTE_FAILED)
 
     def rehost(self) -> List[Command]:
@@ -320,9 +304,7 @@ class ServiceMachine:
         return self._move(f"{self.node} moves to {host or 'our own computer'}")
 
     def _move(self, why: str) -> List[Command]:
-        """Set another process to work, on another computer."""
-        commands = self.substitute.drop()
-        commands.append(Log(Level.WARN, f"{self.spec.topic}: the substitute {why}."))
+        commands = [*self.substitute.drop(), self.log(f"the substitute {why}.")]
         well = self.state is State.WELL
         return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
@@ -330,14 +312,17 @@ class ServiceMachine:
 
     def changed(self) -> List[Command]:
         """Notice by health or SOM a first message, a return, or a lost input."""
+        for row in self.originals if self.state is not State.WELL else ():
+            if row.has_failed:  # its last good message may be known only now
+                self.note_message(self.robot.health.failure(row))
         commands = self._notice_first_message()
-        refused = self._refuse()
+        refused = self.came_up() if self._speaks_again() else []
         back = not refused and self.returned() is not None
         commands += self.fire(Trigger.RETURNED) if back else refused
         plan = self.substitute.plan
         if self.state in SUBSTITUTED and plan is not None and not self.robot.planner.usable(plan):
-            text = f"{self.spec.topic}: the substitute lost an input."
-            commands += [Log(Level.WARN, text), *self.fire(Trigger.REPLAN)]
+            commands.append(self.log("the substitute lost an input."))
+            commands += self.fire(Trigger.REPLAN)
         return commands
 
     def replan(self) -> List[Command]:
@@ -351,12 +336,7 @@ class ServiceMachine:
 
     def outgrown(self) -> List[Command]:
         """Change the plan of a substitute that errs too much, or clearly more than another."""
-        substitute, faulty = self.substitute, self.incident.faulty_node
-        if self.state is not State.HEALED or substitute.plan is None:
-            return []
-        beyond = self.robot.planner.errs_too_much(substitute.plan)
-        outgrown = beyond or substitute.better(self.spec, faulty)
-        return self.fire(Trigger.OUTGROWN) if outgrown else []
+        return self.fire(Trigger.OUTGROWN) if self.state is State.HEALED else []
 
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
@@ -372,27 +352,18 @@ class ServiceMachine:
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
         if row is None or not row.is_well:
             return None
-        least = self.substitute.working_since - SAME_S
-        if row.first_message is not None and row.first_message >= least:
-            return row.first_message
-        return row.since if row.since >= least else None
+        counts = [moment for moment in (row.first_message, row.since) if moment is not None]
+        return next((m for m in counts if m >= self.substitute.working_since), None)
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:
             return []
         return self.fire(Trigger.FIRST_MESSAGE)
 
-    def _refuse(self) -> List[Command]:
-        incident = self.incident
-        if incident.killed is None:
-            return []
-        came = any(
-            row.publisher == incident.faulty_node
-            and not row.has_failed
-            and row.since > incident.killed
-            for row in self.originals
-        )
-        return self.came_up() if came else []
+    def _speaks_again(self) -> bool:
+        row = self.robot.health.row((self.spec.topic, self.incident.faulty_node))
+        gone = self.incident.killed
+        return row is not None and gone is not None and not row.has_failed and row.since > gone
 
     def returned(self) -> Optional[PublisherHealth]:
         """Return the row of an original that is well since the failure; None: there is none."""
@@ -432,9 +403,8 @@ class ServiceMachine:
     def _bridge(self) -> float:
         """Return the silence in s after which a substitute that stands by fills in; 0: never.
 
-        It does while the original may speak: while the service is well, until the original is
-        killed, even if a bridge was heard by then, and from its return. Not on a shared topic,
-        where somebody else is heard; nor from another computer, where what is late may be the link.
+        It does while the original may speak. Not on a shared topic, where somebody else is heard;
+        nor from another computer, where what is late may be the link.
         """
         spec, robot = self.spec, self.robot
         if robot.maintained or self.state not in (State.WELL, State.RETURNING, *SUBSTITUTED):
@@ -449,13 +419,7 @@ class ServiceMachine:
         name = self.spec.name
         if bool(self.node) != (self.substitute.plan is not None):
             raise ShsaError(f"{name}: a process without a plan, or the other way round")
-        due = {
-            State.WELL: {Trigger.RETRY},
-            State.HEALING: {Trigger.LATE, Trigger.REPLAN},
-            State.RETURNING: {Trigger.STEADY},
-            **dict.fromkeys(WAITING, {Trigger.RETRY}),
-        }.get(self.state, set())
-        if not set(self.timers) <= due:
+        if any((self.state, each) not in self._transitions for each in self.timers):
             raise ShsaError(f"{name}: {self.state} with the timers {set(self.timers)}")
         if self.state in WAITING and Trigger.RETRY not in self.timers:
             raise ShsaError(f"{name}: {self.state}, and nothing will ever be tried again")

@@ -1,8 +1,7 @@
 """The reconfigurator's times and limits: each with its unit and its reason."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from shsa_core.agenda import doubled
-from shsa_core.codegen.plans import METHODS
 from shsa_core.model.service import Deadlines
 
 
@@ -14,10 +13,10 @@ class Settings:
     hold_off: float = 2.0  # that a node that is back must stay healthy; each relapse doubles it
     switches: int = 3  # relapses in a row after which a node is kept out; 0: they do not count
     node_restarts: int = 3  # times that a node is started again
-    method: str = field(default="best", metadata={"one_of": METHODS})  # of the search
-    pool: int = field(default=2, metadata={"most": 100})  # idle processes for the warm services
+    method: str = "best"  # of the search
+    pool: int = 2  # idle processes for the warm services
     # Hot substitutes that have a process each; those beyond share some of so many; 0: none shares.
-    hot_hosts: int = field(default=20, metadata={"most": 1000})
+    hot_hosts: int = 20
     minimum_deadline: float = Deadlines.minimum  # as the monitor's: after it a value is stale
 
     # What tests and benches set.
@@ -46,7 +45,6 @@ class Settings:
         return doubled(self.retry, times, max(self.retry, self.retry_limit))
 
 
-SAME_S = 0.05  # moments within this may be one: they come through the clocks of two processes
 # That a monitor has to send its table when its computer seems lost; and a reconfigurator to give a
 # sign of life: then the first idle process takes over by itself, each further one as much later.
 ANSWER_S = 0.5
@@ -55,10 +53,7 @@ ANSWER_S = 0.5
 FIND_TIMEOUT_S = 2.0  # that the search for a node's process may take
 # To answer and for a process to end; as roslaunch: after it was asked, and after SIGTERM.
 EXIT_TIMEOUT_S, LEAVE_S, TERM_S = 1.0, 15.0, 2.0
-LEARN_PAUSES_S = (0.5, 2.0, 10.0)  # before each further look which process a node is; last repeats
 LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own computer: the longer
-STEADY_S = 4.0  # that a node is slow at each look on its computer until it is slow by itself
-FORGET_S = 10.0  # looks farther apart than this tell nothing of the time between them
 
 # Processes of substitutes.
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message

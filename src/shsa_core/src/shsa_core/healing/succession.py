@@ -11,7 +11,6 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
-from shsa_core.healing.kill import KillNode
 from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.model.health import PublisherHealth, PublisherState
@@ -30,7 +29,7 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        core.processes.starts.held_until = event.time + START_S
+        core.processes.hold_starts(event.time + START_S)
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
@@ -53,13 +52,11 @@ def started(core: Core, event: events.Started) -> List[Command]:
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
     for node in filter(names.avoid, event.leftovers):
         commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        core.nodes.orphans.add(node)
-        commands += core.nodes.kills.order(KillNode(node))
+        commands.append(events.ClearNode(node))
     return commands
 
 
 def _take_up(core: Core, event: events.Started) -> List[Command]:
-    """Go on with the records."""
     robot, services = core.robot, core.robot.som.services
     health, processes = robot.health, core.processes
     stand = [each for each in event.records if isinstance(each, ServiceRecord)]
@@ -126,11 +123,7 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
 
 
 def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[Command]:
-    """Go on with a service as a record says; `runs`: the substitute's process does.
-
-    A node whose kill was not over is judged again once the monitor tells that it still fails:
-    under its name there may be another process by now.
-    """
+    """Go on with a service as a record says; `runs`: the substitute's process does."""
     spec, robot, substitute = service.spec, service.robot, service.substitute
     incident, row = record.incident, record.substitution
     shown: List[Command] = [] if incident is None else [ShowIncident(incident)]
@@ -146,7 +139,7 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         accused.decision, accused.back = incident.decision, incident.state is State.RETURNING
         if incident.killed is not None:
             accused.fate = Fate.NONE
-        elif record.fate is not Fate.KILLED:
+        elif record.fate is not Fate.KILLED:  # else it may be another process by now
             accused.fate = record.fate
     commands = substitute.drop() + shown  # it may stand by for us already
     plan = None
@@ -181,7 +174,6 @@ def _set_timer(service: ServiceMachine) -> None:
 
 
 def _withdrawn(incident: Incident, time: float) -> Command:
-    """End the incident of a service that is not in the SOM any more."""
     if incident.ended is None:
         why = f"{incident.service} is not in the SOM any more."
         incident = replace(incident, state=State.ENDED, ended=time, detail=why)

@@ -6,33 +6,8 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.journal.codec import Codec
 
-HostCommand = Union[
-    events.WatchNodes,
-    events.LearnNode,
-    events.FindNode,
-    events.AskToLeave,
-    events.EndProcess,
-    events.ClearNode,
-    events.StartSubstitute,
-    events.StopSubstitute,
-    events.RestartNode,
-    events.StopNode,
-]
-HostEvent = Union[
-    events.NodeLearned,
-    events.NodeCameUp,
-    events.NodeFound,
-    events.NodeAnswered,
-    events.NodeLeft,
-    events.NodeUnregistered,
-    events.ProcessUntouchable,
-    events.SubstituteStarted,
-    events.ProcessExited,
-    events.ProcessPulse,
-    events.NodeRestarted,
-    events.RestartFailed,
-    events.StarterEnded,
-]
+HostCommand = Union[events.NodeCommand, events.WatchNodes]
+HostEvent = events.NodeEvent
 COMMANDS, EVENTS = Codec(HostCommand), Codec(HostEvent)
 Tell = Callable[[HostEvent], None]
 """Is told an event, from any thread; waits for nobody."""

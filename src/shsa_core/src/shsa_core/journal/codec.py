@@ -15,9 +15,10 @@ from typing import Union, get_args, get_origin, get_type_hints
 from shsa_core.dispatch import members
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.language.expression import Condition, Law, parse_constraint, parse_law
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Host
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.text import short
 
 CLASS = "class"
 """The key of an object's class; no field can have this name."""
@@ -102,7 +103,6 @@ def _write(value: Any) -> Any:
 
 @lru_cache(maxsize=None)
 def _writer(type_: Any) -> Write:
-    """Return what makes JSON values of the values of a class."""
     if type_ in FORMS:
         take = FORMS[type_].take
         return lambda value: _write(take(value))
@@ -130,7 +130,6 @@ def _writer(type_: Any) -> Write:
 
 @lru_cache(maxsize=None)
 def _reader(hint: Any) -> Read:
-    """Return what makes values of a type of JSON values."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint in FORMS:
         form, inner = FORMS[hint], _reader(FORMS[hint].hint)
@@ -182,10 +181,7 @@ def _read_union(types: Sequence[Any]) -> Read:
 
 
 def _read_object(types: Iterable[Any]) -> Read:
-    """Read an object of one of some dataclasses, or of one that is derived from them.
-
-    Where only one is possible, its class need not be told.
-    """
+    """Read an object of some dataclasses and those derived; where there is one, it is not named."""
     classes = [each for type_ in types for each in _descent(type_)]
     fields = {each.__name__: (each, _fields(each)) for each in classes}
     if len(fields) < len(classes):
@@ -215,7 +211,6 @@ def _descent(type_: Any) -> List[Any]:
 
 @lru_cache(maxsize=None)
 def _fields(type_: Any) -> Dict[str, Read]:
-    """Return the readers of the fields that the constructor of a dataclass takes."""
     hints = get_type_hints(type_)
     try:
         return {f.name: _reader(hints[f.name]) for f in dataclasses.fields(type_) if f.init}
@@ -282,6 +277,4 @@ def _expect(type_: type, data: Any, path: str, wanted: str) -> Any:
 
 
 def _refusal(path: str, wanted: str, data: Any) -> _Refused:
-    seen = repr(data)
-    short = seen if len(seen) <= 60 else seen[:57] + "..."
-    return _Refused(f"{path} must be {wanted}, not {short}")
+    return _Refused(f"{path} must be {wanted}, not {short(repr(data))}")

@@ -2,7 +2,7 @@
 import inspect
 from functools import lru_cache
 from importlib import import_module
-from typing import Any, Callable, Dict, Mapping, Protocol, Sequence, get_type_hints
+from typing import Any, Callable, Dict, Mapping, get_type_hints
 
 from shsa_core.journal.codec import Codec
 
@@ -15,21 +15,15 @@ MACHINES = {
 """The class of each machine; `events` in the same part has its unions."""
 
 
-class Machine(Protocol):
-    """Events in, commands out; the same events, in the same order, give the same commands."""
-
-    def handle(self, event: Any) -> Sequence[Any]:
-        """Return the commands that answer an event."""
-
-
 class MachineKind:
     """A class of machines, and the codecs of its events, its commands and its setup.
 
-    `make` is the class; its arguments are the setup, those `required` have no default. `events` and
-    `commands` are unions. Raises TypeError if one of these types cannot be written.
+    A machine has `handle(event)`, which returns commands: the same for the same events in the same
+    order. `make` is the class; its arguments are the setup, those `required` have no default.
+    `events` and `commands` are unions. Raises TypeError if one of these cannot be written.
     """
 
-    def __init__(self, name: str, make: Callable[..., Machine], events: Any, commands: Any) -> None:
+    def __init__(self, name: str, make: Callable[..., Any], events: Any, commands: Any) -> None:
         self.name = name
         self.make = make
         self.events = Codec(events)

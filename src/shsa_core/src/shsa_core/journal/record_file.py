@@ -5,7 +5,7 @@ other a record, or the keys of those that are gone.
 """
 import contextlib
 import os
-from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional, Protocol, Tuple
+from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.files.regular import read_own
@@ -18,14 +18,6 @@ LIMIT_BYTES = 20_000_000
 """The longest file that is read."""
 GROWTH_BYTES = 1_000_000
 """The file is written anew after it has grown by this."""
-
-
-class Record(Protocol):
-    """Anything that a codec knows, and that has a key."""
-
-    @property
-    def key(self) -> str:
-        """The name of the record."""
 
 
 class Former(NamedTuple):
@@ -58,8 +50,8 @@ class RecordFile:
         self._grown = 0
         self._fails = False
 
-    def write(self, records: Iterable[Record], removed: Iterable[str] = ()) -> None:
-        """Add and replace records, and drop those of some keys. Raises nothing."""
+    def write(self, records: Iterable[Any], removed: Iterable[str] = ()) -> None:
+        """Add and replace records, each with its `key`, and drop those of keys. Raises nothing."""
         lines = {each.key: write_line(self._codec.encode(each)) for each in records}
         gone = [key for key in removed if self._kept.pop(key, None) is not None]
         self._kept.update(lines)
@@ -77,7 +69,6 @@ class RecordFile:
             self._tell(None)
 
     def _write_anew(self) -> None:
-        """Write the whole beside the file, and put it in its place."""
         self.close()
         beside = self._path + ".new"
         with contextlib.suppress(FileNotFoundError):
@@ -118,7 +109,7 @@ def read_records(path: str, codec: Codec) -> Former:
     owner = read_line(lines[0], f"{path}:1")
     if owner.pop(HEADER, None) != VERSION or not _are_texts(owner.values()):
         raise ModelError(f"{path}:1", "these are no records")
-    kept: Dict[str, Record] = {}
+    kept: Dict[str, Any] = {}
     for number, line in enumerate(lines[1:], 2):
         where = f"{path}:{number}"
         fields = read_line(line, where)

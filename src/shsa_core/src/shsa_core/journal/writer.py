@@ -4,7 +4,7 @@ import stat
 import threading
 from collections import deque
 from datetime import datetime, timezone
-from typing import Any, Callable, Deque, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Deque, Mapping, Optional, Sequence
 
 from shsa_core.journal.lines import (
     ANSWER,
@@ -28,7 +28,6 @@ WAITING = 100_000
 """Records that may wait for the disk; more end the recording."""
 BATCH = 50
 """Lines that are made at once, before other threads have their turn."""
-CLOSE_TIMEOUT_S = 2.0
 
 Handle = Callable[[Any], Sequence[Any]]
 """Handles an event of a machine; returns its commands."""
@@ -38,9 +37,9 @@ class JournalWriter:
     """Records the events of one machine and its answers in a new file that only its owner can read.
 
     An older journal of the same path is kept as `path.1`. Recording takes a microsecond; a thread
-    writes, so that a slow disk holds nobody up. What cannot go on, because the disk is full, the
-    file is gone or the limit is reached, ends the recording with one warning: there are no gaps, so
-    that what was recorded can always be replayed from its start.
+    writes, so that a slow disk holds nobody up. What cannot go on, because the disk is full or the
+    limit is reached, ends the recording with one warning: there are no gaps, so that what was
+    recorded can always be replayed from its start.
 
     Args:
         path: the file.
@@ -93,13 +92,13 @@ class JournalWriter:
     def answered(self, commands: Sequence[Any]) -> None:
         """Record the commands that answer the last event. Raises nothing."""
         if self.recording and commands:
-            self._waiting.append(_Said(tuple(commands)))
+            self._waiting.append(list(commands))
 
     def close(self) -> None:
         """Write what is left, and that the recording was ended in order."""
         self._closing.set()
         if self._thread.is_alive():
-            self._thread.join(CLOSE_TIMEOUT_S)
+            self._thread.join(10.0 * WRITE_PERIOD_S)
 
     def _work(self) -> None:
         while self.recording and not self._closing.wait(WRITE_PERIOD_S):
@@ -108,40 +107,27 @@ class JournalWriter:
         self._end("closed")
 
     def _drain(self) -> None:
-        """Write what waits now."""
         count = len(self._waiting)
         try:
             if count > WAITING:
                 raise OSError(f"the disk is too slow, {count} records wait for it")
-            if count and self._file is not None and os.fstat(self._file).st_nlink == 0:
-                raise OSError("the file was deleted")
             for start in range(0, count, BATCH):
-                if not self.recording:
+                batch = [self._waiting.popleft() for _ in range(min(BATCH, count - start))]
+                data = b"".join(map(self._line, batch))
+                if self._size + len(data) > LIMIT_BYTES:
+                    why = f"the limit of {LIMIT_BYTES:g} bytes is reached"
+                    self._end(why)
+                    self._warn(f"The journal {self._path} ends: {why}.")
                     return
-                lines = [self._waiting.popleft() for _ in range(min(BATCH, count - start))]
-                self._write_lines([self._line(each) for each in lines])
+                self._write(data)
         except (OSError, TypeError, ValueError, AttributeError) as error:
             self._stop(str(error))
 
     def _line(self, record: Any) -> bytes:
-        if not isinstance(record, _Said):
+        if not isinstance(record, list):
             return write_line(self._kind.events.encode(record))
-        names, told = digest(self._kind.commands, record.commands)
+        names, told = digest(self._kind.commands, record)
         return write_line({ANSWER: names, DIGEST: told})
-
-    def _write_lines(self, lines: List[bytes]) -> None:
-        """Write the lines up to the limit."""
-        room, fit = LIMIT_BYTES - self._size, 0
-        for line in lines:
-            room -= len(line)
-            if room < 0:
-                break
-            fit += 1
-        self._write(b"".join(lines[:fit]))
-        if fit < len(lines):
-            why = f"the limit of {LIMIT_BYTES:g} bytes is reached"
-            self._end(why)
-            self._warn(f"The journal {self._path} ends: {why}.")
 
     def _write(self, data: bytes) -> None:
         assert self._file is not None
@@ -149,7 +135,6 @@ class JournalWriter:
         write_all(self._file, data)
 
     def _end(self, why: str) -> None:
-        """End the recording in order."""
         if self.recording:
             try:
                 self._write(write_line({END: why}))
@@ -158,7 +143,6 @@ class JournalWriter:
             self._close_file()
 
     def _stop(self, why: str) -> None:
-        """End the recording where it is."""
         if self.recording:
             self._close_file()
             self._warn(f"The journal {self._path} cannot be written: {why}.")
@@ -175,12 +159,6 @@ class JournalWriter:
         arguments = self._kind.encode_setup(setup)
         name = self._kind.name
         return write_line({HEADER: VERSION, "machine": name, "begun": begun, "setup": arguments})
-
-
-class _Said(NamedTuple):
-    """A machine's answer to an event."""
-
-    commands: Tuple[Any, ...]
 
 
 def _keep_former(path: str) -> None:

@@ -6,7 +6,6 @@ from typing import Callable, Deque, List, Optional, Tuple
 from shsa_core.watch import INSTANT_S
 
 MAX_GAP_S, GAP_PERIODS = 1.0, 10.0
-MAX_DELAY_S = 10.0
 HELD_SAMPLES = 1000
 """The most samples that a delay holds."""
 NO_VALUE = math.nan
@@ -65,8 +64,7 @@ def derivative(max_gap: float = MAX_GAP_S) -> Memory:
 def integral(max_gap: float = MAX_GAP_S, total: Optional[List[float]] = None) -> Memory:
     """Make `integral(x)`: the area under the samples since the start, by the trapezoidal rule.
 
-    It starts at 0, or at the only item of `total`, which holds the sum and may be set. A gap adds
-    nothing. A sum that has overflowed starts anew at 0 after a gap.
+    `total` holds the sum, and may be set. A gap adds nothing; after one an overflow starts anew.
     """
     last = before = NO_VALUE
     sum_ = [0.0] if total is None else total
@@ -112,18 +110,16 @@ def lowpass(max_gap: float = MAX_GAP_S) -> Memory:
 
 
 def delay(max_gap: float = MAX_GAP_S) -> Memory:
-    """Make `delay(x, time)`: x as it was `time` ago (s, above 0 and at most MAX_DELAY_S).
+    """Make `delay(x, time)`: x as it was `time` ago (s, above 0), or the oldest one while none is.
 
-    It is the last sample that is old enough, or the oldest one while none is. Of samples that come
-    faster than HELD_SAMPLES in `time` some are dropped, so that it may be older by one part in
-    HELD_SAMPLES.
+    It holds HELD_SAMPLES at most, so that it may be older by one part in HELD_SAMPLES.
     """
     last = result = NO_VALUE
     held: Deque[Tuple[float, float]] = deque()
 
     def sample(value: float, time: float, now: float) -> float:
         nonlocal last, result
-        if value - value != 0.0 or not 0.0 < time <= MAX_DELAY_S:
+        if value - value != 0.0 or not 0.0 < time < math.inf:
             return NO_VALUE
         passed = now - last
         if passed != 0.0:

@@ -11,7 +11,7 @@ from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
 from shsa_core.language.functions import Fixed, power
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
-from shsa_core.text import nearest
+from shsa_core.text import nearest, short
 
 MAX_LENGTH = 40_000
 MAX_NODES = 10_000
@@ -46,10 +46,7 @@ def is_free(name: str) -> bool:
 
 
 def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[str, ...]:
-    """Return the names that the tree uses, in order. Raises ExpressionError.
-
-    `final`: constants have become numbers in it already.
-    """
+    """Return the names in the tree; `final`: it has no constants. Raises ExpressionError."""
     checker = _Checker(final)
     if condition:
         checker.condition(tree, depth=0, always=True)
@@ -59,11 +56,7 @@ def check_tree(tree: ast.expr, condition: bool, final: bool = False) -> Tuple[st
 
 
 def checked_text(text: str, condition: bool) -> Tuple[str, Tuple[str, ...]]:
-    """Return the text with single spaces, and the names it uses, in order of first use.
-
-    Raises ExpressionError unless it is a number made of numbers, names and the fixed functions, or,
-    with `condition`, a condition made of those.
-    """
+    """Return the text with single spaces, and its names in order. Raises ExpressionError."""
     text = cleaned(text)
     return text, check_tree(syntax_tree(text), condition)
 
@@ -95,14 +88,10 @@ def syntax_tree(text: str) -> ast.expr:
         hint = "; a comma within {...} ends it, unless it is quoted" if cut else ""
         raise ExpressionError(
             f"not an expression: it cannot be read from position {error.offset or 1} of "
-            f"'{_short(text)}'{hint}"
+            f"'{short(text)}'{hint}"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:
-        raise ExpressionError(f"nested too deeply: '{_short(text)}'") from error
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "..."
+        raise ExpressionError(f"nested too deeply: '{short(text)}'") from error
 
 
 class _Checker:

@@ -11,10 +11,7 @@ def name_nodes(tree: ast.AST) -> List[ast.Name]:
 
 
 def row(node: ast.expr) -> Tuple[ast.expr, List[ast.BinOp]]:
-    """Return the first operand of a sum, a product or the like, and its operations in order.
-
-    A tree of a thousand terms is a thousand deep: this needs no recursion.
-    """
+    """Return the first operand and the operations of a row, by no recursion: it may be long."""
     operations: List[ast.BinOp] = []
     while isinstance(node, ast.BinOp):
         operations.append(node)

@@ -51,10 +51,7 @@ NO_UNIT = Unit()
 
 
 def parse_unit(text: str) -> Optional[Unit]:
-    """Return the unit that `text` names: `A`, `m/s^2`, `1` for none; None if the text is empty.
-
-    Raises UnitError if there is no such unit.
-    """
+    """Return the unit `text`: `A`, `m/s^2`, `1` for none; None if it is empty. Raises UnitError."""
     return _parse_unit(text.strip()) if text.strip() else None
 
 

@@ -24,9 +24,8 @@ def elements(name: str, length: int) -> Tuple[str, ...]:
 def unfold(text: str, vectors: Vectors, length: int, place: Optional[int]) -> str:
     """Return the text of the element at a `place` of a vector of this length; None: of a number.
 
-    A vector stands for its element at that place. `dot` of two vectors, or of a matrix and a
-    vector, is their product; `min` and `max` of a vector are those of its elements. Raises
-    ExpressionError.
+    A vector stands for its element there; `dot`, `min` and `max` take whole ones, and `dot` a
+    matrix. Raises ExpressionError.
     """
     text = cleaned(text)
     nodes = [n for n in ast.walk(syntax_tree(text)) if isinstance(n, (ast.Call, ast.Name))]

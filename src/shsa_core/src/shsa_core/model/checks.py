@@ -122,8 +122,7 @@ class Jump(Check):
 class Witness(Check):
     kind, sample, default, usual = Kind.WITNESS, WitnessSample, None, LEARNED
     tells = (
-        "the value is further than this from what other nodes tell of it, in the property's unit, "
-        "or than the known errors explain"
+        "the value is further than this from what other nodes tell of it, or than errors explain"
     )
 
     def judge(self, sample: WitnessSample) -> Optional[str]:
@@ -160,9 +159,7 @@ class RateLow(Check):
 
 class StaleStamp(Check):
     kind, sample, default, usual = Kind.STALE_STAMP, StampSample, LEARNED, LEARNED
-    tells = (
-        "the stamp in the header is older than this at arrival, s; a stamp of zero is not judged"
-    )
+    tells = "the stamp is older than this at arrival, s; a stamp of zero is not judged"
 
     def judge(self, sample: StampSample) -> Optional[str]:
         oldness = sample.age - sample.waited
@@ -179,7 +176,7 @@ class StaleStamp(Check):
 
 class FutureStamp(Check):
     kind, sample, default, usual = Kind.FUTURE_STAMP, StampSample, LEARNED, LEARNED
-    tells = "the stamp in the header is newer than this at arrival, s"
+    tells = "the stamp is newer than this at arrival, s"
 
     def judge(self, sample: StampSample) -> Optional[str]:
         if self.limit != LEARNED:
@@ -199,9 +196,7 @@ def _unusual(age: float, sample: StampSample) -> str:
 
 class Frame(Check):
     kind, sample, default, usual = Kind.FRAME, FormSample, True, True
-    tells = (
-        "`frame_id` or `child_frame_id` is not that of the first 50 messages, if they had the same"
-    )
+    tells = "`frame_id` or `child_frame_id` is not that which all of the first 50 messages had"
 
     def judge(self, sample: FormSample) -> Optional[str]:
         if isinstance(sample.found, int) or sample.found == sample.usual:
@@ -211,9 +206,7 @@ class Frame(Check):
 
 class Length(Check):
     kind, sample, default, usual = Kind.LENGTH, FormSample, True, True
-    tells = (
-        "an array is shorter than in the first 50 messages, if it always had the same length there"
-    )
+    tells = "an array is shorter than it was in all of the first 50 messages"
 
     def judge(self, sample: FormSample) -> Optional[str]:
         found, usual = sample.found, sample.usual
@@ -245,10 +238,7 @@ class Formula(Check):
 
 class UnknownPublisher(Check):
     kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
-    tells = (
-        "a publisher that is neither `node` nor a substitute publishes beside one of them "
-        "for this long, s"
-    )
+    tells = "another publisher is beside `node` or its substitute for this long, s"
 
     def judge(self, sample: IntruderSample) -> Optional[str]:
         if sample.lasted <= self.limit:
@@ -291,10 +281,7 @@ def default_checks(
     is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
 ) -> Tuple[Check, ...]:
-    """Return the checks of a value, or of a message, by default and as `asked`; None: off.
-
-    `is_distance`: the value need not be a number, see `model.field`.
-    """
+    """Return the checks of a value, or of a message, by default and as `asked`; None: off."""
     limits = [
         (each, asked.get(name, default_limit(name, is_distance)))
         for name, each in REGISTRY.items()

@@ -3,7 +3,7 @@
 Estimates by measured figures, which docs/explanation/experiments.md has with their measurement.
 """
 from dataclasses import dataclass
-from typing import Collection, Dict, Iterable
+from typing import Collection, Dict, Iterable, Optional
 
 from shsa_core.model.service import Service
 
@@ -11,8 +11,8 @@ PROCESS_CORES = 0.003
 """A substitute's process, before anything comes or goes: its heartbeat, and threads that wait."""
 READ_CORE_S = 0.0002
 """For each message that is read, in s of a core."""
-WRITE_CORE_S = 0.00035
-"""For each message that is computed and published, in s of a core."""
+WRITTEN = 1.75
+"""A message that is computed and published costs as much as so many that are read."""
 EVENT_RATE_HZ = 10.0
 """An event-driven topic is taken to publish so often."""
 FRAME_BYTES = 70
@@ -37,6 +37,15 @@ OTHER_BYTES = 256
 
 
 @dataclass(frozen=True)
+class Host:
+    """One computer of the robot: its CPUs, and what its link carries in bytes/s; None: any."""
+
+    name: str
+    cores: Optional[float] = None
+    link: Optional[float] = None
+
+
+@dataclass(frozen=True)
 class Cost:
     """`cores` of a computer, and bytes/s of its network `link`."""
 
@@ -57,11 +66,10 @@ def traffic(service: Service) -> float:
 def cost(inputs: Iterable[Service], output: Service, here: Collection[str]) -> Cost:
     """Return the cost of a substitute on a computer, which services call one of `here`.
 
-    Inputs of other computers cross its link, and so does the output, as its consumers may be
-    anywhere. A service counts once, however many of its values are read.
+    What comes from elsewhere crosses its link, and so does the output. A service counts once.
     """
     idle = idle_cost(inputs, here)
-    return Cost(idle.cores + WRITE_CORE_S * rate(output), idle.link + traffic(output))
+    return Cost(idle.cores + WRITTEN * READ_CORE_S * rate(output), idle.link + traffic(output))
 
 
 def idle_cost(inputs: Iterable[Service], here: Collection[str]) -> Cost:

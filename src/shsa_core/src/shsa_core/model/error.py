@@ -45,10 +45,7 @@ def quality_of(error: Optional[Error]) -> float:
 
 
 def refusal(error: Optional[Error], limit: Optional[float]) -> str:
-    """Return why a value of this error is not used, in words; empty: it may be.
-
-    `limit`: what 95 % of it must be within, in its unit; None: there is none.
-    """
+    """Return why a value of this error is not used, by the `limit` of its p95; empty: it may be."""
     if error is None:
         return ""
     if limit is not None and error.within > limit:

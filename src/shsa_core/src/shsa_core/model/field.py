@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import List, Optional, Tuple, Union
 
 from shsa_core.errors import ShsaError
+from shsa_core.text import short
 
 REDUCTIONS = ("min", "max", "mean", "count")
 ANGLES = ("roll", "pitch", "yaw")
@@ -33,16 +34,6 @@ _DISTANCES = {
 
 
 @dataclass(frozen=True)
-class Index:
-    """The element of an array at a place, the first one is 0."""
-
-    place: int
-
-    def __str__(self) -> str:
-        return f"[{self.place}]"
-
-
-@dataclass(frozen=True)
 class Named:
     """The element of an array at the place where the array `names` beside it holds `name`."""
 
@@ -50,7 +41,7 @@ class Named:
     name: str
 
     def __str__(self) -> str:
-        return f"[{self.names}={self.name}]"
+        return f"{self.names}={self.name}"
 
 
 @dataclass(frozen=True)
@@ -61,10 +52,11 @@ class Span:
     stop: Optional[int]
 
     def __str__(self) -> str:
-        return f"[{self.start or ''}:{'' if self.stop is None else self.stop}]"
+        return f"{self.start or ''}:{'' if self.stop is None else self.stop}"
 
 
-Selector = Union[None, Index, Named, Span]
+Selector = Union[None, int, Named, Span]
+"""A number is the place of an element, the first one is 0."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +67,7 @@ class Step:
     part: Selector = None
 
     def __str__(self) -> str:
-        return self.name + ("" if self.part is None else str(self.part))
+        return self.name + ("" if self.part is None else f"[{self.part}]")
 
 
 @dataclass(frozen=True)
@@ -100,10 +92,7 @@ class FieldText:
 
 @functools.lru_cache(maxsize=1024)
 def parse_field(text: str, separator: str = ".") -> FieldText:
-    """Return the field that a text names, with dots as in the SOM or slashes as in the strings.
-
-    Raises ShsaError if it names none.
-    """
+    """Return the field that a text names, with dots, or slashes. Raises ShsaError if it is none."""
     if len(text) > LONGEST:
         raise ShsaError(f"a field has at most {LONGEST} characters, not {len(text)}")
     call = _FUNCTION.match(text)
@@ -116,7 +105,11 @@ def parse_field(text: str, separator: str = ".") -> FieldText:
     while at < len(path):
         match = _STEP.match(path, at + 1)
         if match is None or path[match.end() : match.end() + 1] not in ("", separator):
-            raise _refused(text)
+            raise ShsaError(
+                f"{short(text)!a} is not a field; fields are written like data, pose.position.x, "
+                "ranges[3], velocity[name=left_wheel], min(ranges[10:50]) or "
+                "yaw(pose.pose.orientation)"
+            )
         steps.append(Step(match["name"], _part(match)))
         at = match.end()
     return FieldText(_checked(text, steps, function), function)
@@ -124,7 +117,7 @@ def parse_field(text: str, separator: str = ".") -> FieldText:
 
 def _part(match: "re.Match[str]") -> Selector:
     if match["index"] is not None:
-        return Index(int(match["index"]))
+        return int(match["index"])
     if match["key"] is not None:
         return Named(match["key"], match["value"])
     if not match[0].endswith("]"):
@@ -145,18 +138,10 @@ def _checked(text: str, steps: List[Step], function: str) -> Tuple[Step, ...]:
     if isinstance(last.part, Span):
         start, stop = last.part.start, last.part.stop
         if stop is not None and stop <= start:
-            raise ShsaError(f"{text!a} is not a field: the slice {last.part} is empty")
+            raise ShsaError(f"{text!a} is not a field: the slice [{last.part}] is empty")
         if last.part == Span(0, None):
             last = Step(last.name)
     return (*steps[:-1], last)
-
-
-def _refused(text: str) -> ShsaError:
-    shown = text if len(text) <= 60 else text[:57] + "..."
-    return ShsaError(
-        f"{shown!a} is not a field; fields are written like data, pose.position.x, ranges[3], "
-        "velocity[name=left_wheel], min(ranges[10:50]) or yaw(pose.pose.orientation)"
-    )
 
 
 def reduces(field: str) -> bool:
@@ -175,10 +160,6 @@ def to_path(field: str) -> str:
 
 
 def is_distance(message_type: str, field: str) -> bool:
-    """Return true if a field is a distance: NaN and infinite values tell what a sensor sees.
-
-    REP 117: of distances, +inf says that nothing is in reach, -inf that something is too close, and
-    NaN that one reading is of no use.
-    """
+    """Return true if a field is a distance, whose NaN and infinite values tell much (REP 117)."""
     steps = parse_field(field).steps
     return _DISTANCES.get(message_type) == steps[0].name

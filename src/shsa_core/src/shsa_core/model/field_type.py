@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Callable, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError, listed
-from shsa_core.model.field import ANGLES, REDUCTIONS, Index, Named, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, REDUCTIONS, Named, Span, Step, parse_field
 from shsa_core.text import nearest
 
 Layout = Callable[[str], Mapping[str, str]]
@@ -45,20 +45,15 @@ class FieldType:
 
 
 def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
-    """Return the type of a field of a message type.
-
-    Raises ShsaError if the type has no such field, or if it is not a number.
-    """
+    """Return the type of a field. Raises ShsaError if there is none, or if it is no number."""
     parsed = parse_field(field)
     kind = message_type
     for step in parsed.steps:
         reduces = parsed.function in REDUCTIONS and step is parsed.steps[-1]
         try:
             kind = _enter(kind, step, reduces, layout)
-        except _NoField as error:
-            raise ShsaError(f"{message_type} has no field {field}: {error}") from error
         except ShsaError as error:
-            raise ShsaError(f"{message_type}: {error}") from error
+            raise ShsaError(f"{message_type} has no field {field}: {error}") from error
     if parsed.function in ANGLES:
         if "/" not in kind or not {"x", "y", "z", "w"} <= set(layout(kind)):
             raise ShsaError(f"{message_type}: {field} is of a quaternion, and this is a {kind}")
@@ -73,18 +68,14 @@ def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
     return FieldType(kind, low, high)
 
 
-class _NoField(ShsaError):
-    """A message type lacks a field."""
-
-
 def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
     """Return the type that a step leads to."""
     if "/" not in kind:
-        raise _NoField(f"a {kind} has no fields")
+        raise ShsaError(f"a {kind} has no fields")
     fields = layout(kind)
     if step.name not in fields:
         known = listed(list(fields)) or "none"
-        raise _NoField(f"{step.name} is not one of {known}{nearest(step.name, fields)}")
+        raise ShsaError(f"{step.name} is not one of {known}{nearest(step.name, fields)}")
     element, bracket, size = fields[step.name].partition("[")
     if not bracket:
         if step.part is not None or reduces:
@@ -101,8 +92,8 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
 
 def _highest(step: Step) -> Optional[int]:
     """Return the highest place of an array that a step names; None if it names none."""
-    if isinstance(step.part, Index):
-        return step.part.place
+    if isinstance(step.part, int):
+        return step.part
     if isinstance(step.part, Span) and step.part.stop is not None:
         return step.part.stop - 1
     return None

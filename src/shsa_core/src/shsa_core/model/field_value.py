@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, FieldText, Index, Named, Selector, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, FieldText, Named, Selector, Span, Step, parse_field
 from shsa_core.model.field_type import FLOATS, field_type
 
 SHORTEST = 1e-6
@@ -18,10 +18,9 @@ SHORTEST = 1e-6
 
 
 def field_value(message: Any, field: FieldText) -> Optional[float]:
-    """Return the field's value; None if the message has none, as it does not name it.
+    """Return the field's value; None if the message does not name it.
 
-    NaN where an array is shorter than the place, or where there is no number. The message's type
-    has the field: `field_type` says so.
+    NaN where an array is too short. The message's type has the field: `field_type` says so.
     """
     value = message
     for step in field.steps:
@@ -51,7 +50,7 @@ def _place_of(owner: Any, part: Selector) -> Optional[int]:
     if isinstance(part, Named):
         names = getattr(owner, part.names)
         return names.index(part.name) if part.name in names else None
-    return part.place if isinstance(part, Index) else None
+    return part if isinstance(part, int) else None
 
 
 def _minimum(values: Sequence[float]) -> float:
@@ -59,29 +58,19 @@ def _minimum(values: Sequence[float]) -> float:
     return float(min((value for value in values if value == value), default=nan))
 
 
-def _maximum(values: Sequence[float]) -> float:
-    finite = _finite(values)
-    return float(max(finite)) if finite else _minimum(values)
+def _of_finite(reduce: Callable[[Sequence[float]], float]) -> Callable[[Sequence[float]], float]:
+    def of(values: Sequence[float]) -> float:
+        finite = [value for value in values if isfinite(value)]
+        return float(reduce(finite)) if finite else _minimum(values)
 
-
-def _mean(values: Sequence[float]) -> float:
-    finite = _finite(values)
-    return fsum(finite) / len(finite) if finite else _minimum(values)
-
-
-def _count(values: Sequence[float]) -> float:
-    return float(len(_finite(values)))
-
-
-def _finite(values: Sequence[float]) -> Sequence[float]:
-    return [value for value in values if isfinite(value)]
+    return of
 
 
 REDUCE: Dict[str, Callable[[Sequence[float]], float]] = {
     "min": _minimum,
-    "max": _maximum,
-    "mean": _mean,
-    "count": _count,
+    "max": _of_finite(max),
+    "mean": _of_finite(lambda finite: fsum(finite) / len(finite)),
+    "count": lambda values: float(sum(map(isfinite, values))),
 }
 """The reductions of an array by their names in the grammar of fields."""
 
@@ -138,11 +127,7 @@ class Field:
         return field_value(message, self._parsed)
 
     def set(self, message: Any, value: float) -> None:
-        """Write the field; a whole number is rounded to.
-
-        What is named by its name and not there yet is added to the message. Raises ShsaError if the
-        value does not fit, or if an array has no such element.
-        """
+        """Write the field; add a name that is not there. Raises ShsaError if that cannot be."""
         if not self.writable:
             raise ShsaError(f"{self._parsed} is read-only")
         owner = message
@@ -193,10 +178,7 @@ class Field:
 
 @lru_cache(maxsize=None)
 def problem(message_type: str, text: str, written: bool) -> str:
-    """Why a field cannot be read, or written, on this computer; empty if it can.
-
-    Whoever has asked once knows the answer at a takeover.
-    """
+    """Return why a field cannot be read, or written, on this computer; empty if it can."""
     try:
         field = Field(message_types.message_class(message_type), text)
     except ShsaError as error:

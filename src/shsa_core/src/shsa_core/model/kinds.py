@@ -85,6 +85,14 @@ class Policy(Word):
         return self in (Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE)
 
 
+class Method(Word):
+    """The search for a substitute; ORR is the paper's word for DEPTH_FIRST."""
+
+    BEST = "best"
+    DEPTH_FIRST = "depth_first"
+    ORR = "orr"
+
+
 class OnPartition(Word):
     """The reaction while it is the computer of a service that cannot be reached.
 

@@ -23,10 +23,7 @@ def full_name(name: str, namespace: str) -> str:
 
 
 def file_name(path: str, namespace: str) -> str:
-    """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`.
-
-    roslaunch names its logs so.
-    """
+    """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`, as roslaunch does."""
     folder, name = os.path.split(path)
     return os.path.join(folder, "-".join((*filter(None, namespace.split("/")), name)))
 
@@ -69,10 +66,7 @@ class Names:
         return f"{self.prefix}{of}_{self.next - 1}"
 
     def of_healing(self, node: str, in_som: bool) -> bool:
-        """Tell that a node has the name of a healer, or of a part of ROS.
-
-        In another namespace, and as substitutes are named, the SOM may name nodes of the user's.
-        """
+        """Tell that a node is healing's, or of ROS, by its name; the SOM may have named it."""
         if node in self._ours or in_som:
             return node in self._ours
         name = node.rsplit("/", 1)[-1]

@@ -1,11 +1,16 @@
 """The ontology: properties and the relations between them (Section III of the paper)."""
 from dataclasses import dataclass, field
-from typing import Mapping, Optional, Sequence, Tuple
+from functools import lru_cache
+from math import log
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import networkx as nx
 
-from shsa_core.model.network import Network
-from shsa_core.model.relation import TransferFunction
+from shsa_core.language.expression import Condition, Law
+from shsa_core.model.error import Error
+
+UNIT = 2**40
+DECIMALS = 10**4
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,101 @@ class Constant:
     value: float
     unit: str = ""
     where: str = field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """One direction of a relation: computes the property `output` from the properties `inputs`.
+
+    `inputs` are the properties that the law or the constraint names, in order of first use;
+    constants are not among them. `law` is None where the file has a function that cannot be
+    executed: it takes part in the search and is refused at generation. `quality` is in (0, 1].
+    Where `constraint` is false there is no output. `text` is the function as it was written,
+    `error` that of its output with inputs as good as usual (None: not known), `where` the file and
+    line.
+    """
+
+    relation: str
+    output: str
+    inputs: Tuple[str, ...]
+    law: Optional[Law]
+    quality: float = 1.0
+    constraint: Optional[Condition] = None
+    text: str = ""
+    where: str = field(default="", compare=False, repr=False)
+    error: Optional[Error] = None
+
+
+@lru_cache(maxsize=None)
+def cost(quality: float) -> int:
+    """Return the cost of a quality in (0, 1]: -ln(quality) in whole numbers of 1/UNIT, exact sums.
+
+    Qualities of up to four decimals are split into prime factors first, so that 0.9 * 0.9 costs
+    exactly what 0.81 costs. Any quality below 1 costs at least 1.
+    """
+    numerator = round(quality * DECIMALS)
+    if numerator > 0 and numerator / DECIMALS == quality:
+        return _log(DECIMALS) - _log(numerator)
+    return max(1, round(-log(quality) * UNIT))
+
+
+def _log(number: int) -> int:
+    """Return ln(number) * UNIT, rounded by prime factors: _log(a * b) == _log(a) + _log(b)."""
+    total = 0
+    factor = 2
+    while factor * factor <= number:
+        while number % factor == 0:
+            total += _log_prime(factor)
+            number //= factor
+        factor += 1
+    return total + (_log_prime(number) if number > 1 else 0)
+
+
+@lru_cache(maxsize=None)
+def _log_prime(prime: int) -> int:
+    return round(log(prime) * UNIT)
+
+
+class Network:
+    """Functions and properties by numbers, counted from 0.
+
+    Function f yields the property `outputs[f]` from the properties `inputs[f]` with the quality
+    `qualities[f]`, which costs `costs[f]`. The functions of property p are `functions_of[p]`, in
+    the order of their relations' names.
+    """
+
+    def __init__(self, graph: nx.DiGraph) -> None:
+        kinds = graph.nodes(data="kind")
+        self.names: List[str] = [node for node, kind in kinds if kind == "property"]
+        self.functions: List[TransferFunction] = []
+        self.costs: List[int] = []
+        self.qualities: List[float] = []
+        self.outputs: List[int] = []
+        self.inputs: List[Tuple[int, ...]] = []
+        self.functions_of: List[range] = []
+        self._numbers: Dict[str, int] = {name: number for number, name in enumerate(self.names)}
+        for number, name in enumerate(self.names):
+            first = len(self.functions)
+            for node in sorted(graph.predecessors(name)):
+                function = graph.nodes[node]["function"]
+                self.functions.append(function)
+                self.costs.append(cost(function.quality))
+                self.qualities.append(function.quality)
+                self.outputs.append(number)
+                self.inputs.append(tuple(self._numbers[each] for each in graph.predecessors(node)))
+            self.functions_of.append(range(first, len(self.functions)))
+
+    def executable(self, function: int) -> bool:
+        """Return True if a function has a law."""
+        return self.functions[function].law is not None
+
+    def number(self, name: str) -> int:
+        """Return the number of a property; a new number for a name that the graph does not have."""
+        number = self._numbers.setdefault(name, len(self.names))
+        if number == len(self.names):
+            self.names.append(name)
+            self.functions_of.append(range(0))
+        return number
 
 
 @dataclass(frozen=True)

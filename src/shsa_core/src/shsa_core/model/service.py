@@ -6,7 +6,6 @@ from typing import ClassVar, Optional, Tuple, Union
 from shsa_core.model.checks import Check, Checks, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.field import to_path
-from shsa_core.model.host import Placement
 from shsa_core.model.kinds import Contain, OnPartition, Others, Policy, Standby
 
 USUAL_BRIDGE = 2.5
@@ -34,6 +33,14 @@ class Provision:
     usual: Optional[Tuple[float, float]] = None
     unknown_with: str = dataclasses.field(default="", compare=False, repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Hosts by name: where a substitute rather runs, best first, and where it never does."""
+
+    prefer: Tuple[str, ...] = ()
+    forbid: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -155,8 +162,7 @@ class Service:
     def avoided(self) -> Tuple[Tuple[str, ...], ...]:
         """The causes that its substitute does without: if that cannot be, the next; then none.
 
-        All that it shares; all but its computer, which everything else may be on as well. With
-        each of them the nodes to `avoid`: what is safe comes before what is wished.
+        First all that it shares, then all but its computer; each with the nodes to `avoid`.
         """
         shared = (self.shared, self.fails_with, ())
         tries = [each for causes in shared for each in ((*causes, *self.avoid), causes)]
@@ -169,10 +175,7 @@ class Service:
 
     @property
     def bridges(self) -> Optional[float]:
-        """The periods after which a substitute that stands by fills in; None: it never does.
-
-        Behind a gate it has no need to.
-        """
+        """The periods after which a substitute that stands by fills in; None: never."""
         if self.period is None or self.gated:
             return None
         usual = USUAL_BRIDGE if self.standby is Standby.HOT else 0.0
@@ -277,11 +280,9 @@ class Deadlines:
     """A deadline that is learned is so many times that of others at most."""
 
     def of(self, service: Service) -> Optional[float]:
-        """Return the silence in s after which a service has failed and its values are stale; None:
-        neither ever.
+        """Return the silence in s until a service has failed, and values are stale; None: never.
 
-        One whose deadline is learned is as one that has none: so long its values are fresh, and so
-        long it may be silent before enough is known.
+        One whose deadline is learned has the usual one until enough is known.
         """
         if service.period is None:
             return None

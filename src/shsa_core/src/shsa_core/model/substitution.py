@@ -70,10 +70,7 @@ class Substitution:
 
 
 def row_key(row: Any) -> str:
-    """Return the key of a row of the table, a Substitution or a message of one.
-
-    Its node; the service, where it is a plan without one; both, where several share the node.
-    """
+    """Return the key of a row, or of its message: its node, its service, or both."""
     return shared_key(row.node, row.service) if row.shared else str(row.node or row.service)
 
 

@@ -9,9 +9,8 @@ from typing import Optional
 from shsa_core.model.checks import Finding
 from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level, Log
-from shsa_core.model.numbers import allows_more, differences
+from shsa_core.model.som import Som, allows_more, differences
 from shsa_core.model.service import Deadlines, Service
-from shsa_core.model.som import Som
 from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.events import ChangeRefused
 from shsa_core.monitoring.publishers import Publisher

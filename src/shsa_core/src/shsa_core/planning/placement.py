@@ -9,8 +9,7 @@ from typing import Callable, Collection, Dict, Iterable, List, Optional, Tuple
 from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.model.cost import Cost, cost, traffic
-from shsa_core.model.host import Host
+from shsa_core.model.cost import Cost, Host, cost, traffic
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.planning.settings import CERTAIN_S, STRAINED

@@ -3,8 +3,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
-from shsa_core.codegen.fusion import fusions_of
-from shsa_core.codegen.generator import ways_of
+from shsa_core.codegen.generator import fusions_of, ways_of
 from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
 from shsa_core.errors import NoSubstitute, ShsaError

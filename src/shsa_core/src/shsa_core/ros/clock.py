@@ -5,9 +5,12 @@ from typing import Optional, Tuple
 
 import rospy
 
-LOOKS, TOGETHER_S = 3, 1e-3  # looks at two clocks, which took s at most
-LEAP_S, LEAP = 1.0, 20.0
-"""ROS time that advances by more, and so many times faster than ours, has been set."""
+from shsa_core.ros import settings
+
+LOOKS = 3
+"""At two clocks, of which the quickest counts."""
+LEAP = 20.0
+"""ROS time that advances so many times faster than ours, and than a turn takes, has been set."""
 
 
 def now() -> float:
@@ -26,8 +29,6 @@ def both() -> Tuple[float, float]:
     for _ in range(LOOKS):
         before, ros = now(), ros_ns() / 1e9
         found.append((now() - before, before, ros))
-        if found[-1][0] < TOGETHER_S:
-            break
     _, moment, ros = min(found)
     return moment, ros
 
@@ -61,7 +62,7 @@ class RobotClock:
         with self._lock:
             before, self._before = self._before, both()
             ours, theirs = (new - old for new, old in zip(self._before, before))
-            leaps = theirs > LEAP_S and theirs > LEAP * ours
+            leaps = theirs > LEAP * max(ours, settings.TURN_S)
             self._now += ours if leaps else max(0.0, theirs)
             return self._now
 

@@ -7,6 +7,7 @@ row says whose it is by the full name of its node: `robot1/monitor: battery_curr
 import queue
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 import rospy
@@ -38,6 +39,7 @@ HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEAL
 """In any other state the service is not healed."""
 
 
+@dataclass
 class Diagnostics:
     """Shows what it is given from a thread of its own: whoever gives something never waits.
 
@@ -46,15 +48,12 @@ class Diagnostics:
     computer that has proved itself.
     """
 
-    def __init__(
-        self,
-        ask: Callable[[], object],
-        rows: Callable[[Any], List[DiagnosticStatus]],
-        signing: Signing,
-        companion: Companion,
-    ) -> None:
-        self._ask, self._rows = ask, rows
-        self._signing, self._companion = signing, companion
+    _ask: Callable[[], object]
+    _rows: Callable[[Any], List[DiagnosticStatus]]
+    _signing: Signing
+    _companion: Companion
+
+    def __post_init__(self) -> None:
         self._given: "queue.Queue[Any]" = queue.Queue()
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=2)
         threading.Thread(target=self._run, name="diagnostics", daemon=True).start()
@@ -117,6 +116,8 @@ def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
 
 Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
 """The values in the newest message of each publisher: those of `checked_provisions`."""
+Rates = Dict[Key, float]
+"""The messages/s of each publisher since the last look."""
 Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int], Values]
 """The health of every service, the number of messages of each publisher, and the newest values."""
 
@@ -129,22 +130,20 @@ class MonitorRows:
 
     def __init__(self) -> None:
         self._counts: Dict[Key, int] = {}
-        self._shown: Optional[float] = None
+        self._shown = 0.0
 
     def __call__(self, overview: Overview) -> List[DiagnosticStatus]:
         services, counts, values = overview
         now = clock.now()
-        elapsed = None if self._shown is None else now - self._shown
-        rows = [self._row(each, counts, elapsed, now) for each in services]
-        for row, each in zip(rows, services):
-            row.values += [KeyValue(name, f"{value:.9g}") for name, value in newest(each, values)]
+        elapsed, known = now - self._shown, counts.keys() & self._counts.keys()
+        rates = {key: (counts[key] - self._counts[key]) / elapsed for key in known}
         self._counts, self._shown = counts, now
-        return rows
+        return [self._row(each, rates, now, newest(each, values)) for each in services]
 
     def _row(
-        self, health: ServiceHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
+        self, health: ServiceHealth, rates: Rates, now: float, values: Iterable[Tuple[str, float]]
     ) -> DiagnosticStatus:
-        told = [(p.publisher, self._publisher(p, counts, elapsed, now)) for p in health.publishers]
+        told = [(p.publisher, self._publisher(p, rates, now)) for p in health.publishers]
         if health.deadline:
             told.append(("deadline", health.deadline))
         if health.bridged:
@@ -155,14 +154,13 @@ class MonitorRows:
         if health.service.weakened:
             told.append((WEAKENED, health.service.weakened))
             text, level = f"{text}; {WEAKENED}: {health.service.weakened}", max(level, WARN)
+        told += [(name, f"{value:.9g}") for name, value in values]
         return _service_row(health.service, level, text, told)
 
-    def _publisher(
-        self, row: PublisherHealth, counts: Dict[Key, int], elapsed: Optional[float], now: float
-    ) -> str:
+    def _publisher(self, row: PublisherHealth, rates: Rates, now: float) -> str:
         told = [str(each) for each in (row.state, row.kind, row.detail) if each]
-        if elapsed and row.key in self._counts:
-            told.append(f"{(counts[row.key] - self._counts[row.key]) / elapsed:.1f} Hz")
+        if row.key in rates:
+            told.append(f"{rates[row.key]:.1f} Hz")
         if row.last_good is not None:
             told.append(f"last good message {now - row.last_good:.2f} s ago")
         return ", ".join(told)

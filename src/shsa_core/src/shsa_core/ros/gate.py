@@ -18,12 +18,12 @@ from shsa_core.gating.machine import Gate
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Disconnected
+from shsa_core.monitoring.events import Disconnected, Tick
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
 from shsa_core.ros.reader import ALL, Reader
-from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Looked, Subscriptions
+from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, guarded, run
@@ -81,10 +81,8 @@ class GateNode:
         for happening in happenings:
             if isinstance(happening, Arrived):
                 self._arrived(happening, newest[happening.connection] is happening.data)
-            elif isinstance(happening, Gone):
-                self._feed(Disconnected(*happening))
-            elif isinstance(happening, Looked):
-                self._feed(events.Tick(happening.time))
+            elif isinstance(happening, (Disconnected, Tick)):
+                self._feed(happening)
 
     def _arrived(self, arrived: Arrived, newest: bool) -> None:
         time, connection, data, _, _ = arrived

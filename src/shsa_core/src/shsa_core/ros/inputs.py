@@ -10,10 +10,11 @@ import rospy
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.service import Signal
-from shsa_core.ros import clock, settings
+from shsa_core.monitoring.events import Disconnected
+from shsa_core.ros import clock
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.processes import priority
-from shsa_core.ros.sockets.subscriptions import Arrived, Gone, Subscriptions
+from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard
 
 
@@ -73,8 +74,7 @@ class Inputs:
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something that matters."""
-        waits = self._hurries and self._subscriptions.waits
-        self._inbox.wait(min(timeout, settings.TICK_S) if waits else timeout)
+        self._inbox.wait(timeout)
 
     def take(self, reads: bool) -> List[Event]:
         """Return what has come so far, in order; inputs that were kept only if it `reads` now.
@@ -88,8 +88,8 @@ class Inputs:
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
                 events += self._arrived(happening)
-            elif isinstance(happening, Gone) and happening.topic in self._overheard:
-                events.append(OtherGone(*happening))
+            elif isinstance(happening, Disconnected) and happening.topic in self._overheard:
+                events.append(OtherGone(happening.time, happening.topic, happening.publisher))
         if reads or not all(isinstance(event, OtherHeard) for event in events):
             for key in [key for key in self._newest if key[0] in self._read]:
                 events += self._input(self._newest.pop(key))

@@ -72,9 +72,7 @@ class MonitorNode:
         self._parameters = Workers("parameters")
         self._changes: Dict[Key, Optional[PublisherHealth]] = {}
         self._failures = SignedPublisher(signing, names.FAILURES, msg.Failure, 1000)
-        health, calibrations = (
-            names.told_at(table, arguments.host) for table in (names.HEALTH, names.CALIBRATIONS)
-        )
+        health, calibrations = names.told_by_monitor(arguments.host)
         self._health = TablePublisher(
             health, msg.Health, "publishers", wire.health_row_key, signing
         )
@@ -140,19 +138,15 @@ class MonitorNode:
         self._heed_launch()
         for happening in happenings:
             self._companion.beat()  # who has much to catch up with does not hang
-            if isinstance(happening, subscriptions.Looked):
+            if isinstance(happening, events.Tick):
                 self._looked = happening.time
-                self._feed(events.Tick(happening.time, max(0.0, woke - wanted)))
-            else:
-                guarded("The monitor", self._happened, happening)
+                happening = events.Tick(happening.time, max(0.0, woke - wanted))
+            guarded("The monitor", self._happened, happening)
         self._tell_changes()
         self._subscribe_next()
 
     def _heed_launch(self) -> None:
-        """Look whether the launch is ending, after something was read and before it is fed.
-
-        Who stops because of that stops after it was told to, and so after the launch has said it.
-        """
+        """Look after something was read and before it is fed: the launch first says that it ends."""
         if self._launch.ending():
             self._feed(events.Ending(clock.now()))
             rospy.loginfo("The launch is ending: what stops from now on is no failure.")
@@ -173,15 +167,11 @@ class MonitorNode:
             self._feed(events.ClockTicked(now, ros_time, clock.is_simulated(), waited))
 
     def _happened(self, happening: subscriptions.Happening) -> None:
-        """Feed what happened at a connection."""
         if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
-        elif isinstance(happening, subscriptions.Gone):
-            self._feed(events.Disconnected(*happening))
-        elif isinstance(happening, subscriptions.Interrupted):
-            self._feed(events.Interrupted(*happening))
-        elif isinstance(happening, subscriptions.Connected):
-            self._feed(events.Connected(*happening))
+            return
+        self._feed(happening)
+        if isinstance(happening, events.Connected):
             service = self._core.service_of(happening.topic, happening.publisher)
             if service is not None and service.node == happening.publisher:
                 self._launches.learn(happening.publisher)
@@ -271,10 +261,7 @@ class MonitorNode:
 
 
 def _read(arguments: argparse.Namespace) -> Som:
-    """The valid services of a SOM file; errors of the others are logged.
-
-    Raises ModelError if there is nothing to watch, or a host is not in the file.
-    """
+    """The valid services of a SOM file. Raises ModelError if there is nothing to watch."""
     path = arguments.som
     som, errors = load_som(path, rospy.get_namespace())
     for error in errors:

@@ -141,8 +141,4 @@ class Greeter(rospy.SubscribeListener):
 
     def __init__(self, greet: Callable[[str, Tell], None]) -> None:
         super().__init__()
-        self._greet = greet
-
-    def peer_subscribe(self, topic_name: str, topic_publish: object, peer_publish: Tell) -> None:
-        """Called by rospy once a subscriber has connected."""
-        self._greet(topic_name, peer_publish)
+        self.peer_subscribe = lambda topic, _, tell: greet(topic, tell)

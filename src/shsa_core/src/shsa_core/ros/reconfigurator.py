@@ -8,23 +8,19 @@ import sys
 import threading
 from dataclasses import replace
 from functools import partial
-from typing import Callable, Dict, List, Optional, Set, Tuple, get_args
+from typing import Callable, Dict, List, Optional, Set, Tuple
 
 import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
-from shsa_core.analysis.budget import check_budgets
-from shsa_core.analysis.check import refuse_invalid
+from shsa_core.analysis import budget, check, duties, schedulability, type_check
 from shsa_core.analysis.registrations import Part
-from shsa_core.analysis.schedulability import check_placements
-from shsa_core.analysis.type_check import Problem, mark_unusable
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som
-from shsa_core.files.trust import refuse_others_commands
+from shsa_core.files.som_file import refuse_others_commands
 from shsa_core.healing import events
-from shsa_core.analysis.duties import duties_of, subscribers_of
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -50,7 +46,6 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
-from shsa_core.ros.settings import MOST_CALLS
 from shsa_core.ros.succession import maintain, maintained, take_over
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -70,14 +65,14 @@ class ReconfiguratorNode:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._reloading = threading.Lock()
-        self._said: List[Problem] = []
+        self._said: List[type_check.Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
-        settings = read_parameters(Settings)
+        parameters = read_parameters(Settings)
         setup = {
             "ontology": ontology,
             "som": self._usable(som),
-            "settings": settings,
+            "settings": parameters,
             "namespace": rospy.get_namespace(),
             "dry_run": arguments.dry_run,
             "restarts": arguments.restart_as_root or os.geteuid() != 0,
@@ -87,8 +82,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        unfit = check_placements(ontology, som, settings, arguments.host)
-        for finding in (*check_budgets(som, settings), *unfit):
+        unfit = schedulability.check_placements(ontology, som, parameters, arguments.host)
+        for finding in (*budget.check_budgets(som, parameters), *unfit):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
@@ -105,10 +100,9 @@ class ReconfiguratorNode:
         journals = os.path.splitext(journal)[0] + ".substitute_" if journal else ""
         given = signing.path, journals, arguments.sandbox
         how = Setup(prefix, *given, forks=not arguments.rosrun, types=types, ready=ready)
-        self._local = LocalHost(self._told, signs, how)
+        self._local = LocalHost(self._put, signs, how)
         host_of = self._core.robot.host_of
-        self._hosts = AllHosts(self._local.carry_out, signing, self._told, host_of, arguments.host)
-        self._asked: Dict[str, float] = {}
+        self._hosts = AllHosts(self._local.carry_out, signing, self._put, host_of, arguments.host)
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
         self._incidents = Incidents(arguments.incident_log, signing)
@@ -125,16 +119,13 @@ class ReconfiguratorNode:
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
         self._records: RecordFile
-        self._commands = Workers("command", MOST_CALLS)
+        self._commands = Workers("command", settings.MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
             events.Command,
             {
-                **dict.fromkeys(get_args(HostCommand), self._on_host),
+                **dict.fromkeys(dispatch.members(HostCommand), self._hosts.carry_out),
                 events.WriteDown: lambda c: self._records.write(c.records, c.removed),
                 events.AskMonitor: lambda command: self._monitors[command.host].ask_again(),
-                events.AssignSubstitute: lambda c: self._put(
-                    events.SubstituteStarted(clock.now(), c.node, self._decided)
-                ),
                 events.RunCommand: lambda c: self._commands.put(lambda: self._run_command(c)),
                 events.ShowSubstitutions: self._show_substitutions,
                 events.ShowSom: self._show_som,
@@ -148,7 +139,6 @@ class ReconfiguratorNode:
             signing,
             self._companion,
         )
-        self._decided = clock.now()
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         # First of all: what runs goes on, and no substitute may take a name that was used.
@@ -172,12 +162,12 @@ class ReconfiguratorNode:
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
-        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
-        signing.subscribe(names.FAILURES, failures, self._failure)
         self._health_began: Dict[str, int] = {}
         self._monitors: Dict[str, TableSubscriber] = {}
         self._signing = signing
         self._hear_monitors(som)
+        failures = signing.checked(names.FAILURES, msg.Failure, arguments.unsigned_failures)
+        signing.subscribe(names.FAILURES, failures, self._failure)
         self._services = Services(
             self._core,
             self._queue.put,
@@ -243,7 +233,7 @@ class ReconfiguratorNode:
 
     def _usable(self, som: Som) -> Som:
         """The SOM as far as it can be used here; what cannot be is said once."""
-        marked, problems = mark_unusable(som)
+        marked, problems = type_check.mark_unusable(som)
         for problem in problems:
             if problem not in self._said:
                 LOG[Level.ERROR if problem.needed else Level.WARN]("%s.", problem.text)
@@ -273,25 +263,12 @@ class ReconfiguratorNode:
         self._decide(event)
 
     def _decide(self, event: Event) -> None:
-        commands = self._answer(event)
-        self._decided = clock.now()
-        for command in commands:
+        for command in self._answer(event):
             try:
                 self._carry_out[type(command)](command)
             except Exception as error:  # whatever it is, the commands after it are carried out
                 what = type(command).__name__
                 rospy.logerr_throttle(10.0, f"{what} could not be carried out: {error!r}")
-
-    def _on_host(self, command: HostCommand) -> None:
-        if isinstance(command, events.StartSubstitute):
-            self._asked[command.node] = self._decided
-        self._hosts.carry_out(command)
-
-    def _told(self, event: Event) -> None:
-        """A computer tells this; the search for a substitute had ended when it was asked for."""
-        if isinstance(event, events.SubstituteStarted):
-            event = replace(event, found=self._asked.pop(event.node, event.found))
-        self._put(event)
 
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
@@ -316,7 +293,10 @@ class ReconfiguratorNode:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
         parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
-        now = [subscribers_of(som, parts[1]), duties_of(som, names, *parts, had=self._listed[1])]
+        now = [
+            duties.subscribers_of(som, parts[1]),
+            duties.duties_of(som, names, *parts, had=self._listed[1]),
+        ]
         new = [
             tuple((k, b.get(k, ())) for k in sorted({*a, *b}) if a.get(k) != b.get(k, ()))
             for a, b in zip(self._listed, now)
@@ -376,6 +356,9 @@ class ReconfiguratorNode:
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:
+        monitors = (rospy.resolve_name(names.monitor_of(host)) for host in self._monitors)
+        if message._connection_header["callerid"] in monitors:
+            return  # its table has told that
         if not message.sent and self._queue.qsize() > MOST_WAITING:
             rospy.logerr_throttle(10.0, "Unsigned failures come too fast: dropped.")
             return
@@ -392,9 +375,7 @@ class ReconfiguratorNode:
     def _hear_monitors(self, som: Som) -> None:
         """Hear the monitors of more computers, if they have one; no host: that of all others."""
         for host in {"", *som.hosts} - self._monitors.keys():
-            health, calibrations = (
-                names.told_at(table, host) for table in (names.HEALTH, names.CALIBRATIONS)
-            )
+            health, calibrations = names.told_by_monitor(host)
             self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
             TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
             heard = partial(self._health, host)
@@ -421,7 +402,7 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     errors = [*errors, *som_errors]
     if errors:
         raise ModelErrors(errors)
-    refuse_invalid(read_ontology, read_som)
+    check.refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
     return read_ontology, read_som
 

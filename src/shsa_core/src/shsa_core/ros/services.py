@@ -1,8 +1,9 @@
 """The reconfigurator's ROS services and its action, for people and programs."""
-import queue
 import time
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Late
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Callable
 
 import actionlib
@@ -17,7 +18,7 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.model.service import Service
 from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.rospy_patches.callers import charge_also
+from shsa_core.ros.rospy_patches.inbound import charge_also
 from shsa_core.ros.rospy_patches.subscribing import bound_messages, subscribe
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire import names
@@ -27,29 +28,22 @@ NO_OPERATOR = (
 )
 
 
+@dataclass
 class Services:
     """Asks the core in turn with its events, by `enqueue`; `put` hands it an event.
 
     ROS cannot tell who calls. `operator`: whether what changes something is done for anybody.
     """
 
-    def __init__(
-        self,
-        core: Reconfigurator,
-        enqueue: Callable[[Callable[[], object]], None],
-        put: Callable[[events.Event], None],
-        incidents: Incidents,
-        reload: Callable[[], str],
-        maintain: Callable[[bool], None],
-        operator: bool,
-    ) -> None:
-        self._core = core
-        self._enqueue = enqueue
-        self._put = put
-        self._incidents = incidents
-        self._reload = reload
-        self._maintain = maintain
-        self._operator = operator
+    _core: Reconfigurator
+    _enqueue: Callable[[Callable[[], object]], None]
+    _put: Callable[[events.Event], None]
+    _incidents: Incidents
+    _reload: Callable[[], str]
+    _maintain: Callable[[bool], None]
+    _operator: bool
+
+    def __post_init__(self) -> None:
         for name, kind, answer in (
             (names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute),
             (names.RELEASE, srv.Release, self._release),
@@ -146,9 +140,7 @@ class Services:
         except ShsaError as error:
             self._action.set_aborted(text=str(error))
             return
-        # The monitor sends the last message of what has failed, and this has not.
-        message = _one_message(service.topic, service.type, service.node, settings.CALL_S)
-        last = wire.last_message(message)
+        last = wire.last_message(_one_message(service))
         self._put(events.SubstituteRequested(clock.now(), service.name, last))
         incident = self._incidents.await_settled(
             service.name, self._feedback, self._action.is_preempt_requested
@@ -165,19 +157,14 @@ class Services:
         self._action.publish_feedback(msg.SubstituteFeedback(state=state, detail=detail))
 
 
-def _one_message(topic: str, kind: str, publisher: str, seconds: float) -> bytes:
-    """The next message of a publisher, serialized; empty if none comes in time."""
-    heard: "queue.Queue[bytes]" = queue.Queue()
+def _one_message(service: Service) -> bytes:
+    """The next message of a service, serialized; empty if another one comes, or none in time.
 
-    def take(message: rospy.AnyMsg) -> None:
+    The monitor sends the last message of what has failed, and this has not.
+    """
+    with suppress(rospy.ROSException):
+        message = rospy.wait_for_message(service.topic, rospy.AnyMsg, settings.CALL_S)
         header = message._connection_header
-        if (header["callerid"], header["type"]) == (publisher, kind):
-            heard.put(message._buff)
-
-    subscriber = rospy.Subscriber(topic, rospy.AnyMsg, take, tcp_nodelay=True)
-    try:
-        return heard.get(timeout=seconds)
-    except queue.Empty:
-        return b""
-    finally:
-        subscriber.unregister()
+        if (header["callerid"], header["type"]) == (service.node, service.type):
+            return bytes(message._buff)
+    return b""

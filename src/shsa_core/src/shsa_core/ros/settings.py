@@ -13,8 +13,7 @@ REST_S = 0.002
 handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
 on this computer has refused a call, or dropped it, by then."""
 TICK_S = 0.05
-"""Between two looks at what wakes nobody: processes that end or are silent, here and on other
-computers, and messages that wait to matter."""
+"""Between two looks for processes that end or are silent."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
 
@@ -69,8 +68,7 @@ many of other users and computers to our topics."""
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16
-"""Of a call to it; all of them together so have 13 MB. A longer update of shsa/som, by the master,
-is refused too: the SOM is looked at all the same."""
+"""Of a call to it; all of them together so have 13 MB."""
 CALLER_SHARE, CALLER_CREDIT_S = 0.02, 0.5
 """Of a processor, for each other caller and for taking their connections; s beforehand."""
 LOG_LINES = 1000
@@ -95,7 +93,8 @@ CALL_S = 0.5
 long an answer holds, as of the master, who publishes what."""
 PATIENCE_S = 2.0
 """So long somebody is given who may take a while: the master of a large robot to answer, anybody to
-say who connects to us, a process to begin or to end, a log to take its last lines."""
+say who connects to us, a process to begin or to end, a log to take its last lines; and between two
+looks at where everybody is, and at the parameters."""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
 """Between two tries of what fails, as of a fork, or a table: it doubles each time. The longest is
 between two log lines on the same trouble or sender as well, and how long a substitute goes on
@@ -110,9 +109,7 @@ RETURN_BEATS = 40
 # The master.
 MASTER_LOOK_S = 0.25
 """Between two looks at the master and at shsa/som: what is new counts within a second."""
-MASTER_PAUSE_S, LONGEST_MASTER_PAUSE_S = 2.0, 10.0
-"""Between two looks at where everybody is, and at the parameters: at least, and at most."""
 LOOKING_SHARE = 0.02
 """Of the time at most this much goes into looking: it takes long on a large robot."""
-INTRODUCTION_LOOKS_S = (0.3, 1.0, 3.0)
-"""After a publisher has come; the master takes 0.1 s, and a connection a moment."""
+INTRODUCTION_LOOKS = (1, 4, 12)
+"""At so many of them after a publisher has come; the master takes 0.1 s, a connection a moment."""

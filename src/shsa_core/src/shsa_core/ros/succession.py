@@ -13,7 +13,7 @@ import rospy
 
 from shsa_core.analysis.registrations import read_pairs
 from shsa_core.errors import ShsaError
-from shsa_core.files.trust import written_by_others
+from shsa_core.files.regular import written_by_others
 from shsa_core.healing import events
 from shsa_core.analysis.duties import subscribers_of
 from shsa_core.healing.records import Record, of_this_robot

@@ -5,18 +5,111 @@ by Knuth's algorithm where they do (D. E. Knuth: A generalization of Dijkstra's 
 Information Processing Letters 6, 1977).
 """
 from heapq import heapify, heappop, heappush
-from typing import Callable, Dict, Iterable, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
 
 import networkx as nx
 
-from shsa_core.model.network import Network
-from shsa_core.search.derivation import LOST, MOST, NOT_RATED, SOURCE, Rating, SourceTable
-from shsa_core.search.ratings import Ratings
+from shsa_core.search.derivation import FUNCTION, LOST, NOTHING, NOT_RATED, SOURCE, UNRATED
+from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
 Usable = Callable[[int], bool]
 FREE: Rating = (0, 0, 0, SOURCE, 1.0)
 DONE = 2**62  # later than any visit
 RETURN = -1  # on the stack: all inputs of the last property on the path were visited
+
+
+class Ratings:
+    """The best derivations of properties, by number; those not rated here are as in `base`."""
+
+    def __init__(self, sources: SourceTable, base: Optional["Ratings"] = None) -> None:
+        self._network = sources.network
+        self.sources = sources
+        self._base = base
+        self._ratings: Dict[int, Rating] = {}
+        self._made: Dict[int, Derivation] = {}
+
+    def __getitem__(self, number: int) -> Rating:
+        rating = self._ratings.get(number)
+        if rating is None:
+            return UNRATED if self._base is None else self._base[number]
+        return rating
+
+    def __setitem__(self, number: int, rating: Rating) -> None:
+        self._ratings[number] = rating
+
+    def by_function(self, function: int) -> Rating:
+        """Rate a function with the best inputs: UNRATED if one is, else LOST if one is."""
+        network, known = self._network, self._ratings.get
+        relations, leaves, lost = 1, 0, False
+        price: float = network.costs[function]
+        quality = network.qualities[function]
+        for number in network.inputs[function]:
+            cost, uses, inputs, by, part = known(number) or self[number]
+            if by < SOURCE:
+                if by == NOT_RATED:
+                    return UNRATED
+                lost = lost or by == NOTHING
+            price += cost
+            relations += uses
+            leaves += inputs
+            quality *= part
+        if lost:
+            return LOST
+        return price, relations, leaves, FUNCTION + function, quality
+
+    def rated(self, number: int) -> Optional[Rated]:
+        """Return the best derivation of a property and its rating, None if there is none."""
+        rating = self[number]
+        if rating == LOST:
+            return None
+        return Rated(rating[:3], rating[4], self.derivation(number))
+
+    def derivation(self, number: int) -> Derivation:
+        """Return the best derivation of a property that has one."""
+        network, made = self._network, self._made
+        stack = [number]
+        while stack:
+            current = stack.pop()
+            if current < 0:  # its inputs are made
+                current = ~current
+                by = self._ratings[current][3] - FUNCTION
+                parts = tuple([made[input_] for input_ in network.inputs[by]])
+                function = network.functions[by]
+                made[current] = Derivation(function.output, None, function, parts)
+            elif current not in made:
+                if current not in self._ratings and self._base is not None:
+                    made[current] = self._base.derivation(current)
+                    continue
+                by = self._ratings[current][3] - FUNCTION
+                if by >= 0:
+                    stack.append(~current)
+                    stack.extend(network.inputs[by])
+                else:
+                    source = self.sources.best(current)
+                    made[current] = Derivation(source.property, source, None)
+        return made[number]
+
+    def users(self, numbers: Iterable[int]) -> Dict[int, List[int]]:
+        """Map each property to those of `numbers` whose best derivations use it at once."""
+        users: Dict[int, List[int]] = {}
+        for number in numbers:
+            by = self[number][3]
+            if by >= FUNCTION:
+                for input_ in self._network.inputs[by - FUNCTION]:
+                    users.setdefault(input_, []).append(number)
+        return users
+
+
+def dependents(users: Mapping[int, Iterable[int]], numbers: Iterable[int]) -> Set[int]:
+    """Return some properties, and all that use them at once or through others."""
+    found = set(numbers)
+    stack = list(found)
+    while stack:
+        for user in users.get(stack.pop(), ()):
+            if user not in found:
+                found.add(user)
+                stack.append(user)
+    return found
 
 
 class BestDerivations:
@@ -28,15 +121,11 @@ class BestDerivations:
     """
 
     def __init__(
-        self,
-        network: Network,
-        sources: SourceTable,
-        usable: Optional[Usable] = None,
-        prune: bool = True,
+        self, sources: SourceTable, usable: Optional[Usable] = None, prune: bool = True
     ) -> None:
-        self.ratings = Ratings(network, sources)
+        self.ratings = Ratings(sources)
         self.cycles: Dict[int, Sequence[int]] = {}
-        self._network = network
+        self._network = sources.network
         self._sources = sources
         self._usable = usable
         self._prune = prune
@@ -49,7 +138,7 @@ class BestDerivations:
         if self._usable is not None:
             functions = [f for f in functions if self._usable(f)]
         limit = self._sources.rating(number)[0]
-        if self._prune and limit <= MOST:
+        if self._prune:
             functions = [f for f in functions if self._network.costs[f] < limit]
         return functions
 
@@ -108,13 +197,11 @@ class BestDerivations:
         return ratings[target] != LOST
 
     def settle_cycle(self, members: Iterable[int], ratings: Ratings) -> None:
-        """Rate properties that depend on one another; whatever else they depend on is rated.
-
-        A derivation is worse than each of its parts, so the best of all candidates is final (Knuth,
-        1977).
-        """
+        """Rate properties that depend on one another, the best first: it is final (Knuth, 1977)."""
         network, by_source = self._network, ratings.sources.rating
-        candidates: List[Tuple[int, int, int, int, float, int]] = []  # ratings and their properties
+        candidates: List[
+            Tuple[float, int, int, int, float, int]
+        ] = []  # ratings and their properties
         open_ = set(members)
         lacking: Dict[int, int] = {}  # how many inputs a function waits for
         waiting: Dict[int, List[int]] = {}  # the functions that wait for a property
@@ -149,9 +236,8 @@ class BestDerivations:
     def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
         """Return the lost properties in reach of `target` from which all others could be derived.
 
-        Parts are single properties, or those that depend on one another. Named is what can still
-        not be derived within its part once all that it needs outside can be: what has no function,
-        and what waits for itself. Not the fewest names, since each way to the target counts. What
+        They are not the fewest, since each way to the target counts: of each part, a property or
+        those that depend on one another, what cannot be derived though all outside can be. What
         depends on the target cannot help it. `ratings`: after a failure.
         """
         known, network = ratings or self.ratings, self._network
@@ -164,7 +250,7 @@ class BestDerivations:
                 lost = [i for i in inputs if known[i] == LOST and target not in inputs]
                 open_ += [i for i in lost if i not in graph]
                 graph.add_edges_from((number, i) for i in lost)
-        found = Ratings(network, known.sources, known)
+        found = Ratings(known.sources, known)
         for number in graph:
             found[number] = LOST if number == target else FREE
         named: List[str] = []

@@ -1,69 +1,90 @@
-"""The search of the paper: depth first, the first substitute found (`depth_first`, or `orr`)."""
-from typing import Iterator, List, Optional, Set
+"""The search of the paper: depth first, the first substitute found (`depth_first`, or `orr`).
 
-from shsa_core.model.network import Network
-from shsa_core.search.best import Usable
+It bounds the best search as well, which answers by its deadline with the best of what could be
+looked at (Section II-E of the paper). The deadline is a number of functions: it needs no clock, and
+can be played again.
+"""
+from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
+
+from shsa_core.search.best import Ratings, Usable
 from shsa_core.search.derivation import LOST, UNRATED, Rated, SourceTable
-from shsa_core.search.ratings import Ratings
 
-
-class Branch:
-    """A property on the path of the search, the function tried for it, and those left to try."""
-
-    def __init__(self, number: int, functions: Iterator[int]) -> None:
-        self.number = number
-        self.functions = functions
-        self.function = next(functions, None)
+Part = Tuple[Optional[Usable], bool]
+"""The functions that are looked at, and whether no other could be of use."""
 
 
 def first_found(
-    network: Network, sources: SourceTable, target: int, usable: Optional[Usable] = None
+    sources: SourceTable, target: int, usable: Optional[Usable] = None
 ) -> Optional[Rated]:
     """Return a derivation of `target`: its source, else its first function that can be derived.
 
-    Within a round, a property that failed is not tried again, though it may have failed only
-    because of what was on the path then. So there are more rounds, each with what was found before,
+    A property that failed because of what was on the path then is tried again in another round,
     until one finds nothing new.
     """
-    found = Ratings(network, sources)
+    found = Ratings(sources)
     while found[target] == UNRATED:
-        if not _round(network, sources, usable, target, found):
+        if not _round(sources, usable, target, found):
             return None
     return found.rated(target)
 
 
-def _round(
-    network: Network, sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings
-) -> bool:
+def _round(sources: SourceTable, usable: Optional[Usable], target: int, found: Ratings) -> bool:
     """Search once; return True if anything new was found."""
-    new = False
-    tried: Set[int] = set()
-    path: List[Branch] = []
-    next_: Optional[int] = target
-    while path or next_ is not None:
-        if next_ is not None:
-            tried.add(next_)
-            if sources.rating(next_) != LOST:
-                found[next_] = sources.rating(next_)
+    network, new = sources.network, False
+    left: Dict[int, List[int]] = {}  # the functions of each property to be tried, the next one last
+    path = [target]
+    while path:
+        number = path[-1]
+        if number not in left:
+            functions = network.functions_of[number]
+            left[number] = [f for f in reversed(functions) if usable is None or usable(f)]
+            if sources.rating(number) != LOST:
+                found[path.pop()] = sources.rating(number)
                 new = True
+        elif not left[number]:
+            path.pop()
+        else:
+            function = left[number][-1]
+            lacking = next((i for i in network.inputs[function] if found[i] == UNRATED), None)
+            if lacking is None:
+                found[path.pop()] = found.by_function(function)
+                new = True
+            elif lacking in left:
+                left[number].pop()
             else:
-                functions = iter(network.functions_of[next_])
-                if usable is not None:
-                    functions = filter(usable, functions)
-                path.append(Branch(next_, functions))
-            next_ = None
-            continue
-        branch = path[-1]
-        if branch.function is None:
-            path.pop()
-            continue
-        inputs = network.inputs[branch.function]
-        next_ = next((i for i in inputs if found[i] == UNRATED), None)
-        if next_ is None:
-            found[branch.number] = found.by_function(branch.function)
-            new = True
-            path.pop()
-        elif next_ in tried:
-            branch.function = next(branch.functions, None)
-            next_ = None
+                path.append(lacking)
     return new
+
+
+def nearest(
+    table: SourceTable, targets: Sequence[int], usable: Optional[Usable], steps: Optional[int]
+) -> Iterator[Part]:
+    """Yield the first derivation of some properties with the `steps` functions next to them.
+
+    Then all functions; at once if `steps` is None, or there is no derivation.
+    """
+    network = table.network
+    if steps is not None:
+        functions: Set[int] = set()
+        properties, queue = set(targets), list(targets)
+        for number in queue:  # it grows
+            if len(functions) >= steps:
+                break
+            for function in network.functions_of[number]:
+                if usable is not None and not usable(function):
+                    continue
+                functions.add(function)
+                new = [each for each in network.inputs[function] if each not in properties]
+                properties.update(new)
+                queue.extend(new)
+        else:
+            yield usable, True
+            return
+        found = [first_found(table, target, usable) for target in targets]
+        for part in (part for rated in found if rated for part in rated.derivation.unique()):
+            for function in network.functions_of[network.number(part.property)]:
+                if network.functions[function] is part.function:
+                    functions.add(function)
+        if None not in found:
+            yield functions.__contains__, False
+    yield usable, True

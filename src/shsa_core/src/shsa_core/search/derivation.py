@@ -1,27 +1,23 @@
 """Derivations: how a property is obtained from sources, and how good that is."""
 import math
+from dataclasses import dataclass
 from typing import Dict, Iterable, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-from shsa_core.model.network import Network
-from shsa_core.model.quality import cost
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Network, TransferFunction, cost
 from shsa_core.model.service import Source
 
-# Costs and uses are counted up to here: a derivation that uses one input twice may double them at
-# every level.
-MOST = 2**60
-
-Rating = Tuple[int, int, int, int, float]
+Rating = Tuple[float, int, int, int, float]
 """The least is the best: cost, relations and what its inputs cost (each as often as it is used);
 what it is by, a source or the function number `by - FUNCTION`; the product of the qualities.
 """
 NOTHING, NOT_RATED, SOURCE, FUNCTION = -1, 0, 1, 2
-LOST: Rating = (MOST + 1, 0, 0, NOTHING, 0.0)  # worse than any derivation
+LOST: Rating = (math.inf, 0, 0, NOTHING, 0.0)  # worse than any derivation
 UNRATED: Rating = (0, 0, 0, NOT_RATED, 0.0)
 
 Name = Tuple[float, str, str]
 
 
+@dataclass(eq=False)
 class Derivation:
     """A property obtained from a source, or by a function from other derivations.
 
@@ -30,26 +26,16 @@ class Derivation:
     stands wherever its property is obtained that way: they are compared and hashed by identity.
     """
 
-    __slots__ = ("property", "source", "function", "inputs")
-
-    def __init__(
-        self,
-        property: str,
-        source: Optional[Source],
-        function: Optional[TransferFunction],
-        inputs: Tuple["Derivation", ...] = (),
-    ) -> None:
-        self.property = property
-        self.source = source
-        self.function = function
-        self.inputs = inputs
+    property: str
+    source: Optional[Source]
+    function: Optional[TransferFunction]
+    inputs: Tuple["Derivation", ...] = ()
 
     def __repr__(self) -> str:
-        return f"<{self.property} by {self.name[1]}>"
+        return f"<{self.property} by {self.name()[1]}>"
 
-    @property
     def name(self) -> Name:
-        """The sort key: the period, path and node of the source, or the relation."""
+        """Return the sort key: the period, path and node of the source, or the relation."""
         if self.source is not None:
             return _name(self.source)
         return math.inf, "" if self.function is None else self.function.relation, ""
@@ -76,17 +62,14 @@ class Derivation:
 
 
 def names_before(one: Derivation, other: Derivation) -> bool:
-    """Return True if `one` comes before `other` by name, for two derivations of one property.
-
-    Names are compared from the result to the inputs, left to right.
-    """
+    """Return True if `one` comes before `other` by name, from the result to the inputs."""
     equal: Set[Tuple[Derivation, Derivation]] = set()
     stack = [(one, other)]
     while stack:
         pair = stack.pop()
         if pair[0] is not pair[1] and pair not in equal:
-            if pair[0].name != pair[1].name:
-                return pair[0].name < pair[1].name
+            if pair[0].name() != pair[1].name():
+                return pair[0].name() < pair[1].name()
             equal.add(pair)
             stack.extend(reversed(list(zip(pair[0].inputs, pair[1].inputs))))
     return False
@@ -95,7 +78,7 @@ def names_before(one: Derivation, other: Derivation) -> bool:
 class Rated(NamedTuple):
     """A derivation and how good it is; `key` has the first three of its Rating."""
 
-    key: Tuple[int, int, int]
+    key: Tuple[float, int, int]
     quality: float
     derivation: Derivation
 
@@ -119,7 +102,7 @@ def rate_joint(parts: Sequence[Rated]) -> Rated:
 
 
 def _rate(
-    derivation: Derivation, price: int, relations: int, quality: float, inputs: Sequence[Rated]
+    derivation: Derivation, price: float, relations: int, quality: float, inputs: Sequence[Rated]
 ) -> Rated:
     leaves = 0
     for rated in inputs:
@@ -127,58 +110,52 @@ def _rate(
         relations += rated.key[1]
         leaves += rated.key[2]
         quality *= rated.quality
-    return Rated((min(price, MOST), min(relations, MOST), min(leaves, MOST)), quality, derivation)
+    return Rated((price, relations, leaves), quality, derivation)
 
 
 class SourceTable:
     """The sources that may be used, by the number of their property."""
 
     def __init__(self, network: Network, sources: Iterable[Source] = ()) -> None:
-        self._network = network
+        self.network = network
         self._base: Optional[SourceTable] = None  # for the properties that are not in `_of`
         self._of: Dict[int, Dict[Source, None]] = {}
         self._best: Dict[int, Tuple[Rating, Optional[Source]]] = {}
-        # By service, topic and node; made when something is left out for the first time.
-        self._named: Optional[Dict[str, Dict[Source, None]]] = None
+        self._named: Dict[str, Dict[Source, None]] = {}  # by service, topic, node and cause
         for source in sources:
             self.add(source)
 
     def add(self, source: Source) -> None:
         """Add a source; one that is there already stays as it is."""
         assert self._base is None, "a table that leaves something out is not changed"
-        of = self._of.setdefault(self._network.number(source.property), {})
+        of = self._of.setdefault(self.network.number(source.property), {})
         if source not in of:
             of[source] = None
-            self._choose(self._network.number(source.property))
-            if self._named is not None:
-                _index(self._named, source)
+            self._choose(self.network.number(source.property))
+            for name in source.names:
+                self._named.setdefault(name, {})[source] = None
 
     def discard(self, source: Source) -> None:
         """Remove a source, if it is there."""
         assert self._base is None, "a table that leaves something out is not changed"
-        of = self._of.get(self._network.number(source.property), {})
+        of = self._of.get(self.network.number(source.property), {})
         if source in of:
             del of[source]
-            self._choose(self._network.number(source.property))
-            if self._named is not None:
-                for name in source.names:
-                    self._named[name].pop(source, None)
+            self._choose(self.network.number(source.property))
+            for name in source.names:
+                self._named[name].pop(source, None)
 
     def excluding(self, names: Iterable[str]) -> "SourceTable":
         """Return the table without the sources of some services, topics, nodes and causes.
 
         It is valid until the next change of this one, and costs as much as there is to leave out.
         """
-        if self._named is None:
-            self._named = {}
-            for source in [source for of in self._of.values() for source in of]:
-                _index(self._named, source)
         gone = {source for name in names for source in self._named.get(name, ())}
         if not gone:
             return self
-        table = SourceTable(self._network)
+        table = SourceTable(self.network)
         table._base, table._named = self, self._named
-        for number in {self._network.number(source.property) for source in gone}:
+        for number in {self.network.number(source.property) for source in gone}:
             table._of[number] = {each: None for each in self.of(number) if each not in gone}
             table._choose(number)
         return table
@@ -210,11 +187,6 @@ class SourceTable:
         if best is not None:
             rating = (*rate_source(best).key, SOURCE, best.quality)
         self._best[number] = rating, best
-
-
-def _index(named: Dict[str, Dict[Source, None]], source: Source) -> None:
-    for name in source.names:
-        named.setdefault(name, {})[source] = None
 
 
 def _order(source: Source) -> Tuple[int, int, Name]:

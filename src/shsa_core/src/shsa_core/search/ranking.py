@@ -8,13 +8,11 @@ the path that leads to it.
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
-from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, Optional, Sequence, Tuple
 
-from shsa_core.model.network import Network
-from shsa_core.search.best import BestDerivations, Usable
+from shsa_core.search.best import BestDerivations, Ratings, Usable, dependents
 from shsa_core.search.derivation import LOST, Rated, SourceTable
 from shsa_core.search.derivation import names_before, rate_function, rate_joint, rate_source
-from shsa_core.search.ratings import Ratings, dependents
 
 EVERYWHERE: FrozenSet[int] = frozenset()
 ROOT = -1
@@ -51,10 +49,7 @@ class Ranked:
         self._changes: List[int] = []  # the inputs in which the last item's successors differ
 
     def advance(self) -> Optional[Tuple["Ranked", int]]:
-        """Find the next item, or that there is none.
-
-        Return the place in another list that is needed first, if there is one.
-        """
+        """Find the next item, if any; return the place in another list that is needed first."""
         assert self.candidates is not None
         while self._changes:
             assert self._last is not None and self._last.rate is not None
@@ -91,14 +86,11 @@ class Ranked:
 class Ranking:
     """The joint derivations of several properties, best first."""
 
-    def __init__(
-        self, network: Network, sources: SourceTable, usable: Optional[Usable] = None
-    ) -> None:
-        self._network = network
+    def __init__(self, sources: SourceTable, usable: Optional[Usable] = None) -> None:
+        self._network = sources.network
         self._sources = sources
-        self._best = BestDerivations(network, sources, usable, prune=False)
+        self._best = BestDerivations(sources, usable, prune=False)
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
-        self._users: Dict[int, Mapping[int, Sequence[int]]] = {}  # by the first property of a cycle
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
         """Yield joint derivations of all targets, best first; their inputs follow the targets."""
@@ -153,10 +145,10 @@ class Ranking:
         cycle = best.cycles.get(number)
         path = EVERYWHERE if cycle is None else path | {number}
         if cycle is not None:
-            ratings = Ratings(self._network, self._sources, best.ratings)
+            ratings = Ratings(self._sources, best.ratings)
             for blocked in path:
                 ratings[blocked] = LOST
-            best.settle_cycle(dependents(self._users_within(cycle), path) - path, ratings)
+            best.settle_cycle(dependents(best.ratings.users(cycle), path) - path, ratings)
         candidates = []
         for f in best.functions(number):
             inputs = self._network.inputs[f]
@@ -165,12 +157,6 @@ class Ranking:
             if candidate is not None:
                 candidates.append(candidate)
         return candidates
-
-    def _users_within(self, cycle: Sequence[int]) -> Mapping[int, Sequence[int]]:
-        """Map each property to those of a cycle whose best derivations use it at once."""
-        if cycle[0] not in self._users:
-            self._users[cycle[0]] = self._best.ratings.users(cycle)
-        return self._users[cycle[0]]
 
     def _candidate(
         self,

@@ -13,13 +13,12 @@ from shsa_core.errors import ShsaError
 DRIFT = 500e-6
 """More than two clocks drift apart: quartzes have up to 100e-6, what corrects them adds as much."""
 TRIES = 3
+"""So often a node is asked that does not answer, and a clock each time it is renewed: the fastest
+answer tells most."""
 PAUSE_NS = 1_000_000_000
-"""Between two questions to a node that has not proved anything."""
+"""Between two questions to a node that has not proved anything, and before the first renewal."""
 RENEW_NS = 60_000_000_000
 OLD_NS = RENEW_NS // 2
-SAMPLES = 3
-"""So often a clock is asked each time it is renewed: the fastest answer tells most."""
-FIRST_RENEWAL_NS = 1_000_000_000
 MOST = 64
 """So many computers, with each boot counted, are known at the same time."""
 MOST_FAILED = 100
@@ -64,42 +63,38 @@ class Computer:
         """Messages sent before are refused: ns on our clock."""
         self.is_doubted = False
         """Its clock is not where it can be: it must be asked again."""
-        self.sender = self.speaker = ""
-        """The nodes that have proved it, and sent the last message."""
+        self.sender = ""
+        """The node that sent the last message."""
         self.due = 0
         self.met: Optional[Met] = None
         """Its proof; None: it is ours."""
-        self._span = (0, 0, 0)
-        """Lead of its clock over ours: at least, at most, and the time of that, in ns."""
 
     def was_compared(self, since: int) -> bool:
         """Return whether its clock was compared with ours since then, by ours."""
-        return self.met is None or self._span[2] >= since
+        return self.met is None or self.met.answered >= since
 
     def latest(self, ours: int) -> int:
         """Return what its clock shows at most when ours shows `ours`."""
         if self.met is None:
             return ours
-        _, most, measured = self._span
-        return ours + most + int(abs(ours - measured) * DRIFT)
+        drift = int(abs(ours - self.met.answered) * DRIFT)
+        return ours + self.met.clock - self.met.asked + drift
 
     def ours(self, theirs: int) -> int:
         """Return what our clock shows, about, when its shows `theirs`."""
-        least, most, _ = self._span
-        return theirs - (least + most) // 2
+        if self.met is None:
+            return theirs
+        return theirs - self.met.clock + (self.met.asked + self.met.answered) // 2
 
     def measured(self, met: Met) -> None:
-        """Learn from an answer: its clock was read between question and answer."""
-        least, most = met.clock - met.answered, met.clock - met.asked
-        if self.met is not None:
-            was_least, was_most, at = self._span
-            drift = int((met.answered - at) * DRIFT)
-            both = max(least, was_least - drift), min(most, was_most + drift)
-            if both[0] <= both[1]:  # else a clock has stood, as in a suspended computer
-                least, most = both
-        self._span = least, most, met.answered
+        """Learn from an answer, unless a faster one of late tells more."""
         old = self.met
-        if old is None or met.round_trip <= old.round_trip or old.answered < met.asked - OLD_NS:
+        if (
+            old is None
+            or self.is_doubted
+            or met.round_trip <= old.round_trip
+            or old.answered < met.asked - OLD_NS
+        ):
             self.met = met
         self.is_doubted = False
 
@@ -149,7 +144,7 @@ class Computers:
     def ours(self, boot: bytes, sent: int, sender: str) -> int:
         """Return what our clock showed, about, when `sender` sent what is believed."""
         computer = self._known.get(boot, self.own)
-        computer.speaker = sender
+        computer.sender = sender
         return computer.ours(sent)
 
     def seen(self) -> List[Met]:
@@ -159,18 +154,15 @@ class Computers:
         newest = {(met.host, met.address): met for met in sorted(found, key=lambda m: m.answered)}
         return [met for _, met in sorted(newest.items())]
 
-    def renew(self) -> float:
-        """Measure the clocks that are due; for how long in s none will be. Waits for answers."""
+    def renew(self) -> None:
+        """Measure the clocks that are due. Waits for answers."""
         with self._lock:
             others = [each for each in self._known.values() if each is not self.own]
         for computer in others:
             if self._clock() >= computer.due:
-                for _ in range(SAMPLES):
-                    if self._meet(computer.boot, computer.sender, 1):
-                        computer.sender = computer.speaker or computer.sender
+                for _ in range(TRIES):
+                    self._meet(computer.boot, computer.sender, 1)
                 computer.due = self._clock() + RENEW_NS
-        due = min((each.due for each in others), default=self._clock() + RENEW_NS)
-        return max(0.0, (due - self._clock()) / 1e9)
 
     def _meet(self, boot: bytes, sender: str, tries: int = TRIES) -> str:
         for _ in range(tries):
@@ -192,7 +184,7 @@ class Computers:
             computer = self._known.get(met.boot)
             if computer is None:
                 computer = Computer(met.boot, self._forgotten)
-                computer.due = met.answered + FIRST_RENEWAL_NS
+                computer.due = met.answered + PAUSE_NS
             computer.measured(met)
             computer.sender = sender
             self._known[met.boot] = computer

@@ -1,9 +1,11 @@
 """The proof of a node that it holds the secret, and uses a master: text, signed with a nonce."""
 import hmac
 import json
-from typing import Any, FrozenSet, NamedTuple, Sequence
+from dataclasses import dataclass
+from typing import FrozenSet, Sequence
 
 from shsa_core.errors import ShsaError
+from shsa_core.journal.codec import Codec
 
 LONGEST = 1 << 16
 """Characters of a proof."""
@@ -13,7 +15,8 @@ class WrongSecret(ShsaError):
     """The answer is by another secret than ours, or by none."""
 
 
-class Place(NamedTuple):
+@dataclass(frozen=True)
+class Place:
     """A ROS master as one computer sees it.
 
     `network`: that computer's, if the master is on it; else empty. `addresses`: by which others can
@@ -36,7 +39,8 @@ class Place(NamedTuple):
         return f"{' or '.join(sorted(self.addresses)) or 'localhost'}, port {self.port}"
 
 
-class Proof(NamedTuple):
+@dataclass(frozen=True)
+class Proof:
     """The words of a computer about itself at the moment it is asked.
 
     `boot`: the one that its messages name; `clock` and `wall`: its monotonic and wall clock, in ns.
@@ -49,12 +53,12 @@ class Proof(NamedTuple):
     wall: int
 
 
+_CODEC = Codec(Proof)
+
+
 def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
     """Write the proof that answers a nonce: its text, and the signature."""
-    fields: Any = proof._asdict()
-    fields["boot"] = proof.boot.hex()
-    fields["master"] = proof.master.network, sorted(proof.master.addresses), proof.master.port
-    text = json.dumps(fields)
+    text = json.dumps(_CODEC.encode(proof))
     return [text, _signature(secret, asked, text)]
 
 
@@ -67,13 +71,10 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
     if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
         raise WrongSecret("its secret is another than ours")
     try:
-        fields = json.loads(text)
-        network, addresses, port = fields["master"]
-        fields["master"] = Place(network, frozenset(addresses), port)
-        fields["boot"] = bytes.fromhex(fields["boot"])
-        return Proof(**fields)
-    except (ValueError, TypeError, KeyError) as error:
+        found: Proof = _CODEC.decode(json.loads(text), "proof", "the proof")
+    except (ValueError, RecursionError, ShsaError) as error:
         raise ShsaError("its proof is of another version") from error
+    return found
 
 
 def _signature(secret: bytes, asked: str, text: str) -> str:

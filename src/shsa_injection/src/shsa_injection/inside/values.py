@@ -5,7 +5,7 @@ from typing import Any, Optional, Type
 import genpy
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, Index, Named, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, Named, Span, Step, parse_field
 from shsa_core.model.field_value import Field
 
 
@@ -39,7 +39,7 @@ class FaultyValue:
             rotation = _inner(owner, last)
             for name in "xyzw":
                 setattr(rotation, name, value)
-        elif isinstance(last.part, (Index, Named)):
+        elif isinstance(last.part, (int, Named)):
             _write(owner, last.name, value, _place(owner, last))
         elif self._function or isinstance(last.part, Span):
             _write(owner, last.name, value, last.part)
@@ -57,8 +57,8 @@ def _inner(owner: Any, step: Step) -> Any:
 def _place(owner: Any, step: Step) -> int:
     if isinstance(step.part, Named):
         return int(getattr(owner, step.part.names).index(step.part.name))
-    assert isinstance(step.part, Index)
-    return step.part.place
+    assert isinstance(step.part, int)
+    return step.part
 
 
 def _write(owner: Any, name: str, value: float, where: Any) -> None:

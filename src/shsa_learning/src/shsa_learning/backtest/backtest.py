@@ -190,7 +190,7 @@ class Backtest:
     def _planned(self, target: Source, sources: Sequence[Source]) -> Optional[Plan]:
         """Return the trial that healing would choose; None if nothing can be executed."""
         table = SourceTable(self._ontology.network, sources)
-        question = self._ontology, target.service.name, [target], table
+        question = self._ontology, [target], table
         try:
             return plan_sources(*question, predictor=self._predictor)
         except (NoSubstitute, GenerationError):

@@ -2,7 +2,7 @@
 from itertools import islice
 from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_core.analysis.takeover import slowest
+from shsa_core.analysis.check import slowest
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -134,7 +134,6 @@ def _one(asked: Asked, loss: Loss) -> Answer:
     try:
         plan = plan_sources(
             asked.ontology,
-            output.service.name,
             [output],
             table,
             asked.first,

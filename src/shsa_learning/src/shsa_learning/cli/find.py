@@ -6,10 +6,10 @@ from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
 from shsa_core.cli._common import say
 from shsa_learning.cli._common import add_models, add_without, check_known, read_models, without
-from shsa_core.codegen.plans import METHODS
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.planning.planner import Calibrations
+from shsa_core.model.kinds import Method
 from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -34,7 +34,7 @@ def add_parser(subparsers: Any) -> None:
     add_without(parser)
     parser.add_argument(
         "--method",
-        choices=[*METHODS, "all"],
+        choices=[*map(str, Method), "all"],
         default="best",
         help="best (default); depth_first, or orr as the paper calls it: the first found; "
         "all: the best 1000",

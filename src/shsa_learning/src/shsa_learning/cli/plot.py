@@ -141,7 +141,7 @@ def dot_text(
 def _states(ontology: Ontology, sources: Dict[str, List[Source]]) -> Dict[str, str]:
     network = ontology.network
     table = SourceTable(network, [source for own in sources.values() for source in own])
-    best = BestDerivations(network, table)
+    best = BestDerivations(table)
     states = {}
     for name, own in sources.items():
         derivable = own or best.settle(network.number(name))

@@ -5,8 +5,7 @@ from typing import Callable, Iterator, List, NamedTuple, Optional, Sequence, Tup
 import numpy as np
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.ontology import Ontology
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.som import Som
 from shsa_learning.learn.learner import learn
 from shsa_learning.learn.refusal import SKILL

@@ -12,8 +12,7 @@ from shsa_core.language.expression import (
     parse_expression,
 )
 from shsa_core.language.syntax import is_name
-from shsa_core.model.ontology import Constant, Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 from shsa_learning.init.knowledge_text import inserted, reduced, translated
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from shsa_core.language.expression import parse_law
 from shsa_core.language.functions import STATEFUL
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import TransferFunction
 from shsa_learning.learn.evaluation import evaluate, evaluate_all
 from shsa_learning.learn.table import Table
 

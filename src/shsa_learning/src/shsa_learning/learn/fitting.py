@@ -6,7 +6,7 @@ import numpy as np
 
 from shsa_core.errors import ModelError
 from shsa_core.language.expression import parse_law
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import TransferFunction
 from shsa_learning.figures import rms
 from shsa_learning.learn import refusal
 from shsa_learning.learn.delays import texts

@@ -4,8 +4,7 @@ from typing import Dict, Optional
 
 from shsa_core.language.expression import parse_constraint
 from shsa_core.model.error import Error, quality_of
-from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.relation import TransferFunction
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_learning.learn.learner import Learned
 
 FIGURES, DIGITS = ("rms", "bias", "p95", "delay", "baseline"), 4

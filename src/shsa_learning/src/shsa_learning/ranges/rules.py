@@ -3,7 +3,7 @@ import math
 from functools import reduce
 from typing import List, Mapping, NamedTuple, Optional, Sequence
 
-from shsa_core.language import fitted, functions
+from shsa_core.language import functions
 from shsa_learning.ranges import interval
 from shsa_learning.ranges.interval import Interval, RangeRule, exponential, negative, product
 from shsa_learning.ranges.interval import raised, total
@@ -34,7 +34,7 @@ class Rule(NamedTuple):
 
 def clipped(parts: Sequence[Interval]) -> Interval:
     """Return the range of clip."""
-    low, high = fitted.clip(*(part.low for part in parts)), fitted.clip(
+    low, high = functions.clip(*(part.low for part in parts)), functions.clip(
         *(part.high for part in parts)
     )
     nonzero = not any(part.has_zero for part in parts)
@@ -59,7 +59,7 @@ def looked_up(parts: Sequence[Interval]) -> Interval:
     x, points = parts[0], parts[1:]
     xs = [each.low for each in points[::2]]
     known = all(part.known for part in parts)
-    if fitted.rising(xs) or any(each.low != each.high for each in points[::2]):
+    if functions.rising(xs) or any(each.low != each.high for each in points[::2]):
         return Interval(known=False)
     ends: List[float] = []
     for ys, pick in (
@@ -68,7 +68,7 @@ def looked_up(parts: Sequence[Interval]) -> Interval:
     ):
         curve = [each for pair in zip(xs, ys) for each in pair]
         passed = [y for at, y in zip(xs, ys) if x.low < at < x.high]
-        ends.append(pick(fitted.table(x.low, *curve), fitted.table(x.high, *curve), *passed))
+        ends.append(pick(functions.table(x.low, *curve), functions.table(x.high, *curve), *passed))
     return Interval(ends[0], ends[1], known=known)
 
 

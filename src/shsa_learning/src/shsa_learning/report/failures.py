@@ -1,11 +1,10 @@
 """Rates what is left of a robot after failures, one after the other."""
 from typing import Collection, Dict, Iterable, List, Optional
 
-from shsa_core.model.network import Network
+from shsa_core.model.ontology import Network
 from shsa_core.model.service import Source
-from shsa_core.search.best import BestDerivations
+from shsa_core.search.best import BestDerivations, Ratings, dependents
 from shsa_core.search.derivation import LOST, SourceTable
-from shsa_core.search.ratings import Ratings, dependents
 
 
 class Failures:
@@ -15,13 +14,12 @@ class Failures:
     """
 
     def __init__(self, network: Network, sources: Collection[Source]) -> None:
-        self._network = network
         self._table = SourceTable(network, sources)
         self._provides: Dict[str, List[int]] = {}  # the properties that go with a name
         for source in sources:
             for name in source.names:
                 self._provides.setdefault(name, []).append(network.number(source.property))
-        self._best = BestDerivations(network, self._table, network.executable, prune=False)
+        self._best = BestDerivations(self._table, network.executable, prune=False)
         numbers = range(len(network.names))
         for number in numbers:
             self._best.settle(number)
@@ -31,7 +29,7 @@ class Failures:
         """Rate what is left once some causes have failed, and a `blocked` property with them."""
         names = tuple(failed)
         gone = {number for name in names for number in self._provides.get(name, ())}
-        ratings = Ratings(self._network, self._table.excluding(names), self._best.ratings)
+        ratings = Ratings(self._table.excluding(names), self._best.ratings)
         affected = dependents(self._users, gone if blocked is None else gone | {blocked})
         if blocked is not None:
             affected.remove(blocked)

@@ -41,7 +41,7 @@ class Listener:
         self._met: Dict[str, bool] = {}
         self._looked = 0.0
         for host in ("", *hosts):
-            monitor, topic = names.monitor_of(host), names.told_at(names.HEALTH, host)
+            monitor, topic = names.monitor_of(host), names.told_by_monitor(host)[0]
             self._table(monitor, topic, msg.Health, partial(wire.health, monitor=host))
         self._table(RECONFIGURATOR, names.SOM_STATE, msg.SomState, wire.services)
         self._table(RECONFIGURATOR, names.SUBSTITUTIONS, msg.Substitutions, wire.substitutes)

@@ -91,7 +91,7 @@ class Introductions:
         self.hung: FrozenSet[str] = frozenset()
         self._first = first
         self._known: Optional[FrozenSet[Publisher]] = None
-        self._looks: Agenda[Tuple[float, Publisher]] = Agenda()
+        self._looks: Agenda[Tuple[int, Publisher]] = Agenda()
         self._workers = Workers("introductions", settings.MOST_CALLS)
 
     @property
@@ -107,8 +107,8 @@ class Introductions:
             known = frozenset(each for each in publishers if each.node != self._first)
         self._known = publishers
         for each in publishers - known:
-            for pause in settings.INTRODUCTION_LOOKS_S:
-                self._looks.set((pause, each), time + pause)
+            for looks in settings.INTRODUCTION_LOOKS:
+                self._looks.set((looks, each), time + looks * settings.MASTER_LOOK_S)
 
     def due(self, time: float) -> List[Publisher]:
         """Return those to look at now, of those that are there still."""

@@ -14,19 +14,8 @@ from typing import Sequence, Set, Tuple
 import rosgraph
 import rospy
 
-from shsa_core.analysis.registrations import (
-    NOTHING,
-    Graph,
-    Pairs,
-    Part,
-    Registration,
-    Said,
-    missing_parameters,
-    read_pairs,
-    to_ask,
-    to_register,
-    together,
-)
+from shsa_core.analysis import registrations
+from shsa_core.analysis.registrations import Graph, Pairs, Part, Registration, Said
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher
@@ -57,7 +46,7 @@ class MasterCalls:
     """
 
     def __init__(self) -> None:
-        self._master = node_api(rosgraph.get_master_uri(), MASTER)
+        self._master = node_api(rosgraph.get_master_uri(), *MASTER)
         self._me = rospy.get_name()
 
     def state(self) -> State:
@@ -66,7 +55,7 @@ class MasterCalls:
         if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
             raise ShsaError("the master's answer is none")
         order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
-        return State(pid, dict(zip(order, map(read_pairs, parts))))
+        return State(pid, dict(zip(order, map(registrations.read_pairs, parts))))
 
     def pid(self) -> int:
         """Return the process of the master."""
@@ -88,9 +77,9 @@ class MasterCalls:
         """Set parameters by their full names."""
         self._many([("setParam", (self._me, name, value)) for name, value in values])
 
-    def register(self, registrations: Iterable[Registration]) -> None:
+    def register(self, missing: Iterable[Registration]) -> None:
         """Register these on behalf of their nodes, in this order."""
-        calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in registrations]
+        calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in missing]
         self._many(calls)
 
     def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
@@ -140,7 +129,7 @@ class MasterWatch:
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._pid = 0
-        self._known = NOTHING
+        self._known = registrations.NOTHING
         self._parameters: Mapping[str, Any] = {}
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
@@ -191,12 +180,12 @@ class MasterWatch:
         if self._former is None:  # else a new master does not know them all yet
             self._seen(state)
         if now >= self._keep_at:
-            self._known = together(self._graph(state), self._known, waiting)
+            self._known = registrations.together(self._graph(state), self._known, waiting)
             self._keep_parameters()
             self._kept_at = now
-            pause = max(settings.MASTER_PAUSE_S, _took(now))
-            self._keep_at = now + min(pause, settings.LONGEST_MASTER_PAUSE_S)
-        self._look_at = now + min(settings.MASTER_PAUSE_S, _took(now))
+            pause = max(settings.PATIENCE_S, _took(now))
+            self._keep_at = now + min(pause, 2 * settings.ANSWER_S)
+        self._look_at = now + min(settings.PATIENCE_S, _took(now))
         if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 
@@ -225,7 +214,7 @@ class MasterWatch:
         does = does if self.acts else "Healing advises, and only looks."
         rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
         if self.acts:
-            values = missing_parameters(self._parameters, self._calls.parameters())
+            values = registrations.missing_parameters(self._parameters, self._calls.parameters())
             self._calls.set_parameters(values)
             self._former, self._anew_at = self._known, now
             self._settled = set()
@@ -234,16 +223,16 @@ class MasterWatch:
         """Register what is missing; return the nodes that have not answered yet."""
         assert self._former is not None
         present = self._graph(state)
-        asked = to_ask(self._former, present)
+        asked = registrations.to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said = self._ask_all(waiting)
         ours = filter(self._is_ours, said)
-        registrations = to_register(self._former, present, said, ours)
-        if registrations:
-            self._calls.register(registrations)
-            nodes = len({each.node for each in registrations})
+        missing = registrations.to_register(self._former, present, said, ours)
+        if missing:
+            self._calls.register(missing)
+            nodes = len({each.node for each in missing})
             text = "The master was told again of %d registrations of %d nodes."
-            rospy.loginfo(text, len(registrations), nodes)
+            rospy.loginfo(text, len(missing), nodes)
         left = set(waiting) - self._settled
         if now > self._anew_at + settings.LONGEST_PAUSE_S or not left:
             self._former = None

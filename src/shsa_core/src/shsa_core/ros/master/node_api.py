@@ -18,8 +18,8 @@ from shsa_core.ros import settings
 
 LARGEST_ANSWER_B = 1024 * 1024
 """A node of 1,000 topics needs a fifth of it."""
-LARGEST_MASTER_ANSWER_B = 64 * 1024 * 1024
-"""The master's tells of every node, and may be a while on a large robot."""
+MASTER = settings.PATIENCE_S, 64 * 1024 * 1024
+"""Bounds of a call to the master in s and bytes: it tells of every node."""
 
 FAILURES = (rosgraph.MasterException, OSError, xmlrpc.client.Error, http.client.HTTPException)
 """Exceptions of a call without an answer, with a refusal, or with one that makes no sense."""
@@ -36,17 +36,6 @@ class Address(NamedTuple):
 
     host: str
     port: int
-
-
-class Limits(NamedTuple):
-    """Bounds of a call: its time in s, and the bytes of its answer."""
-
-    timeout: float
-    largest: int
-
-
-NODE = Limits(settings.CALL_S, LARGEST_ANSWER_B)
-MASTER = Limits(settings.PATIENCE_S, LARGEST_MASTER_ANSWER_B)
 
 
 def address(uri: object) -> Address:
@@ -122,7 +111,7 @@ def bus_stats(uri: str) -> Answer:
 
 
 def _call(uri: str, method: str, *arguments: Any) -> Answer:
-    transport = _Transport(NODE)
+    transport = _Transport(settings.CALL_S, LARGEST_ANSWER_B)
     api = xmlrpc.client.ServerProxy(located(uri), transport=transport)
     answer = getattr(api, method)(rospy.get_name(), *arguments)
     return Answer(answer, transport.connected, time.monotonic_ns())
@@ -144,15 +133,20 @@ def topics(uri: str, method: str = "getPublications") -> Dict[str, str]:
     return dict(rows)
 
 
-def node_api(uri: str, limits: Limits = NODE) -> xmlrpc.client.ServerProxy:
-    """Return the interface of the node at `uri`; its calls raise one of FAILURES."""
-    return xmlrpc.client.ServerProxy(uri, transport=_Transport(limits))
+def node_api(
+    uri: str, timeout: float = settings.CALL_S, largest: int = LARGEST_ANSWER_B
+) -> xmlrpc.client.ServerProxy:
+    """Return the interface of the node at `uri`; its calls raise one of FAILURES.
+
+    `timeout`: of a call in s; `largest`: bytes of an answer.
+    """
+    return xmlrpc.client.ServerProxy(uri, transport=_Transport(timeout, largest))
 
 
 def master_api(caller_id: str = "") -> rosgraph.Master:
     """Return the interface of the master, as us or another; its calls raise one of FAILURES."""
     master = rosgraph.Master(caller_id or rospy.get_name())
-    master.handle = node_api(master.master_uri, MASTER)
+    master.handle = node_api(master.master_uri, *MASTER)
     return master
 
 
@@ -172,15 +166,15 @@ class _Transport(xmlrpc.client.Transport):
 
     accept_gzip_encoding = False
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, timeout: float, largest: int) -> None:
         super().__init__()
-        self._limits = limits
+        self._timeout, self._largest = timeout, largest
         self._end = 0.0
         self.connected = 0
         """The time at which the connection was made."""
 
     def request(self, host, handler, request_body, verbose=False):  # type: ignore[no-untyped-def]
-        self._end = time.monotonic() + self._limits.timeout
+        self._end = time.monotonic() + self._timeout
         try:
             return self.single_request(host, handler, request_body, verbose)
         except FAILURES:
@@ -194,7 +188,7 @@ class _Transport(xmlrpc.client.Transport):
         connection = http.client.HTTPConnection(host)
         left = max(1e-3, self._end - time.monotonic())
         made = socket.create_connection((connection.host, connection.port), left)
-        connection.sock = _Socket(made, self._end, self._limits.largest)
+        connection.sock = _Socket(made, self._end, self._largest)
         self.connected = time.monotonic_ns()
         return connection
 

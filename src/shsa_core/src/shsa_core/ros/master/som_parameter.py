@@ -7,18 +7,13 @@ import time
 from functools import partial
 from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
+import rosgraph
 import rospy
-from rospy.impl.paramserver import get_param_server_cache
 
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.document import from_parameters
-from shsa_core.files.som_file import (
-    PARAMETER,
-    merge_parameters,
-    read_tree,
-    service_parameters,
-    som_parameters,
-)
+from shsa_core.files import som_file
+from shsa_core.files.som_file import PARAMETER, service_parameters
 from shsa_core.model.field import parse_field
 from shsa_core.model.service import Deadlines, Service, Signal
 from shsa_core.model.som import Som
@@ -28,15 +23,13 @@ from shsa_core.ros.master.node_api import FAILURES, master_api
 LIVE_PARAMETERS = "numbers of the SOM on the parameter server count, too"
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
-UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S = 0.1, 0.5
-"""Of a topic that the SOM does not have."""
 
 FAILS = (*FAILURES, rospy.ROSException)
 
 
 def put_som(som: Som) -> None:
     """Put `som` onto the parameter server."""
-    rospy.set_param(PARAMETER, som_parameters(som))
+    rospy.set_param(PARAMETER, som_file.som_parameters(som))
 
 
 def get_som_parameter() -> Optional[object]:
@@ -45,12 +38,12 @@ def get_som_parameter() -> Optional[object]:
 
 
 class SomWatch:
-    """Calls `changed(som)` from a thread of its own within a second of a change at shsa/som.
+    """Calls `changed(som)` from a thread of its own after a change at shsa/som.
 
-    `live`: numbers at shsa/som count; else those of the file alone do. What is not valid is named
-    once and refused: the old entry stays. Who has `reread`, which reads the SOM file again, puts
-    that entry back onto the server, and looks if the file is another one: only the file can add,
-    drop or move a service.
+    `live`: numbers at shsa/som count, within a second; else those of the file alone do. What is not
+    valid is named once and refused: the old entry stays. Who has `reread`, which reads the SOM file
+    again, puts that entry back onto the server, and looks if the file is another one: only the file
+    can add, drop or move a service.
     """
 
     def __init__(
@@ -66,8 +59,6 @@ class SomWatch:
         self._said: Set[str] = set()
         self._name = rospy.resolve_name(PARAMETER)
         self._lock = threading.Lock()
-        self._look = threading.Event()
-        self._hear_updates()
         threading.Thread(target=self._watch, name="som", daemon=True).start()
 
     def replace(self, som: Som) -> None:
@@ -75,7 +66,6 @@ class SomWatch:
         with self._lock:
             self._som = self._file = som
             self._seen = ""
-        self._look.set()
 
     def put_back(self, service: Service) -> None:
         """Go on by the numbers that count of a service, on the server as well."""
@@ -85,43 +75,23 @@ class SomWatch:
             name = f"{self._name}/services/{service.name}"
             _ask(lambda: rospy.set_param(name, service_parameters(service)))
 
-    def _hear_updates(self) -> None:
-        """Look as soon as the master says that something has changed.
-
-        rospy's own cache loses the news of a key that was not there before, and then unsubscribes.
-        """
-        cache = get_param_server_cache()
-        rospys_own = cache.update
-
-        def update(key: str, value: object) -> None:
-            if (key.rstrip("/") + "/").startswith(self._name + "/"):
-                self._look.set()
-            else:
-                rospys_own(key, value)
-
-        cache.update = update
-
     def _watch(self) -> None:
         while not rospy.is_shutdown():
             begin = time.monotonic()
-            self._look.clear()
-            value = _ask(self._subscribe)
+            value = _ask(self._value)
             if value is not None:
                 with self._lock:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
             rest = max(settings.MASTER_LOOK_S, took)
-            if self._look.wait(rest):
-                # Whoever sets it without end is heard of once a look.
-                _ask(lambda: master_api().unsubscribeParam(rospy.get_node_uri(), self._name))
-                time.sleep(max(0.0, begin + min(rest, settings.LOOK_S) - time.monotonic()))
+            rospy.rostime.wallsleep(min(rest, settings.LOOK_S) if self._live else rest)
 
-    def _subscribe(self) -> Optional[object]:
-        """Return the value, {} if there is none; from now on the master tells of changes.
-
-        A master that was started anew knows of nobody.
-        """
-        return master_api().subscribeParam(rospy.get_node_uri(), self._name)
+    def _value(self) -> object:
+        """Return what lies at shsa/som; {} if nothing does."""
+        try:
+            return master_api().getParam(self._name)
+        except rosgraph.MasterError:
+            return {}
 
     def _heed(self, value: object) -> None:
         seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
@@ -154,7 +124,7 @@ class SomWatch:
         """Return the SOM that counts, and what is refused of a value at shsa/som."""
         if self._live:
             where = self._name, rospy.get_namespace()
-            return merge_parameters(self._file, value, *where, current=current)
+            return som_file.merge_parameters(self._file, value, *where, current=current)
         if self._reread is None:
             return self._file, []
         what = "the SOM file alone counts, since live_parameters is false"
@@ -182,7 +152,7 @@ class SomWatch:
         if value == {}:
             rospy.loginfo("%s is not there, as on a new master. It is put back.", self._name)
         else:
-            _, errors = merge_parameters(self._som, value, self._name)
+            _, errors = som_file.merge_parameters(self._som, value, self._name)
             why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
             rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
         _ask(lambda: put_som(self._som))
@@ -213,10 +183,7 @@ def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
     them, or the master does not answer. No type is loaded.
     """
     try:
-        known = _som_signals()
-        types: Dict[str, str] = {}
-        if not all(path in known for path in paths):
-            types = dict(master_api().getTopicTypes())
+        known, types = _som_signals(), dict(master_api().getTopicTypes())
     except FAILURES as error:
         raise ShsaError(f"the master does not answer: {error}") from error
     return tuple(known[path] if path in known else _unmapped(path, types) for path in paths)
@@ -229,7 +196,7 @@ def _som_signals() -> Dict[str, Signal]:
         return {}
     try:
         # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
+        som, _ = som_file.read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
     except ShsaError:
         som = Som()
     signals = (
@@ -246,4 +213,4 @@ def _unmapped(path: str, types: Dict[str, str]) -> Signal:
         raise ShsaError(f"{path}: neither in the SOM nor on a topic that the master knows")
     topic = max(topics, key=len)
     field = str(parse_field(path[len(topic) + 1 :], "/"))
-    return Signal(topic, field, types[topic], "", UNKNOWN_PERIOD_S, UNKNOWN_DEADLINE_S)
+    return Signal(topic, field, types[topic], "", settings.TURN_S, settings.CALL_S)

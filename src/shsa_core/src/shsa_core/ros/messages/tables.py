@@ -187,19 +187,12 @@ class TableSubscriber:
         """Of the newest message: whose clock, when by that clock, and by ours."""
         self._follows = False
         self._retry: Optional[threading.Timer] = None
-        self._ended = False
         self._subscribe()
 
     def ask_again(self) -> None:
         """Have the whole table told once more, by a connection of its own; returns at once."""
         with self._lock:
             self._miss()
-
-    def unregister(self) -> None:
-        """Hear no more."""
-        with self._lock:
-            self._ended = True
-            self._subscriber.unregister()
 
     def get_num_connections(self) -> int:
         """Return how many publishers are connected."""
@@ -216,7 +209,7 @@ class TableSubscriber:
 
     def _received(self, message: Any) -> None:
         with self._lock:
-            if self._ended or getattr(message, "to", EVERYBODY) not in (EVERYBODY, self._name):
+            if getattr(message, "to", EVERYBODY) not in (EVERYBODY, self._name):
                 return
             late = self._is_late(message)
             (began, sequence), came = self._at, (message.began, message.sequence)
@@ -251,7 +244,7 @@ class TableSubscriber:
     def _miss(self) -> None:
         """Subscribe again soon, unless a whole table comes before."""
         self._follows = False
-        if self._retry is None and not self._ended:
+        if self._retry is None:
             pause = self._subscribed + settings.FIRST_PAUSE_S - time.monotonic()
             self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
             self._retry.daemon = True
@@ -260,7 +253,7 @@ class TableSubscriber:
     def _subscribe_again(self) -> None:
         with self._lock:
             self._retry = None
-            if self._ended or self._follows or rospy.is_shutdown():
+            if self._follows or rospy.is_shutdown():
                 return
             self._subscriber.unregister()
             self._subscribe()
@@ -276,7 +269,6 @@ class TableCopy:
         self._field, self._key = rows_field, key
         self._subscriber = TableSubscriber(topic, message_class, self._heard)
         self.get_num_connections = self._subscriber.get_num_connections
-        self.unregister = self._subscriber.unregister
 
     def _heard(self, message: Any) -> None:
         rows = {} if message.whole else dict(self.rows)

@@ -5,17 +5,13 @@ import subprocess
 import threading
 import time
 from contextlib import suppress
-from typing import Callable, Dict, List, Mapping, Optional, Sequence, Set, Union
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import psutil
 import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
-
-UNKNOWN = "unknown"
-Status = Union[int, str]
-"""An exit status; UNKNOWN: it is not told."""
 
 
 class Started(psutil.Process):  # type: ignore[misc]
@@ -43,21 +39,22 @@ class Started(psutil.Process):  # type: ignore[misc]
             raise
 
 
-def exit_status(process: psutil.Process) -> Optional[Status]:
-    """Return None as long as a process runs; of one that we have not started it is UNKNOWN."""
+def ending(process: psutil.Process) -> str:
+    """Return how a process has ended, in words; empty: it runs."""
     if isinstance(process, Started):
-        return process.poll()
-    return UNKNOWN if kernel.gone(process) else None
+        status = process.poll()
+        return "" if status is None else f"exit status {status}"
+    return "exit status unknown" if kernel.gone(process) else ""
 
 
 class Children:
     """The processes of ours by the names of their nodes, and one thread that waits for their ends.
 
-    `ended(node, status)` is called from that thread, and so briefly, once one has ended; None
-    instead of its exit status: it was stopped.
+    `ended(node, how)` is called from that thread, and so briefly, once one has ended; empty: it was
+    stopped.
     """
 
-    def __init__(self, ended: Callable[[str, Optional[Status]], object]) -> None:
+    def __init__(self, ended: Callable[[str, str], object]) -> None:
         self._ended = ended
         self._running: Dict[str, psutil.Process] = {}
         self._stopped: Set[str] = set()
@@ -92,15 +89,15 @@ class Children:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._running)
-                polled = {node: exit_status(process) for node, process in self._running.items()}
-                over = {node: status for node, status in polled.items() if status is not None}
+                polled = {node: ending(process) for node, process in self._running.items()}
+                over = {node: how for node, how in polled.items() if how}
                 for node in over:
                     del self._running[node]
                 stopped = self._stopped & over.keys()
                 self._stopped -= stopped
-            for node, status in over.items():
+            for node, how in over.items():
                 try:
-                    self._ended(node, None if node in stopped else status)
+                    self._ended(node, "" if node in stopped else how)
                 except Exception as error:  # whatever it is, the other processes are waited for
                     rospy.logerr("The end of %s: %r", node, error)
             time.sleep(settings.TICK_S)
@@ -108,7 +105,7 @@ class Children:
 
 def end(process: psutil.Process) -> None:
     """End a process and all that it started; ask it first if it can be asked. Waits for its end."""
-    ended = lambda: exit_status(process) is not None
+    ended = lambda: bool(ending(process))
     with suppress(ProcessLookupError, psutil.NoSuchProcess):
         for number in (signal.SIGINT, signal.SIGKILL):
             if ended():

@@ -173,8 +173,7 @@ class LocalHost:
 
     def _start(self, command: events.StartSubstitute) -> None:
         self.substitutes.start(command)
-        now = clock.now()
-        self._tell(events.SubstituteStarted(now, command.node, now))
+        self._tell(events.SubstituteStarted(clock.now(), command.node))
 
     def _restart(self, command: events.RestartNode) -> None:
         node = command.node

@@ -20,7 +20,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes.children import Children, Started, Status
+from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.heartbeats import HOST
 from shsa_core.ros.processes.kernel import NAME, robot_processes
 from shsa_core.ros.processes.prepared import LARGEST_ORDER_B, VARIABLES, arguments
@@ -135,11 +135,11 @@ class Substitutes:
         self._slots[node] = slot
         self.children.keep(node, process)
 
-    def _over(self, node: str, status: Optional[Status]) -> None:
+    def _over(self, node: str, how: str) -> None:
         if self._slots.pop(node, None) is None:
             return  # it is a node that was started again
-        if status is not None:
-            self._ended(node, f"exit status {status}")
+        if how:
+            self._ended(node, how)
         self._cleared(node)
 
     def _free_slot(self) -> int:

@@ -23,7 +23,7 @@ from rospy.topics import _SubscriberImpl
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import NODE, node_api
+from shsa_core.ros.master.node_api import node_api
 
 LENGTH = struct.Struct("<I")
 
@@ -60,7 +60,7 @@ def ask_in_time() -> None:
 
     To be called before the node is initialised.
     """
-    patient = lambda uri, **_: node_api(uri, NODE._replace(timeout=settings.PATIENCE_S))
+    patient = lambda uri, **_: node_api(uri, settings.PATIENCE_S)
     masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
 
 
@@ -138,12 +138,12 @@ class HandedOver(_SubscriberImpl):
         self.set_tcp_nodelay(True)
         self._topic, self._made, self._closed = topic, made, closed
 
-    def subscribe(self) -> rospy.Subscriber:
+    def subscribe(self) -> None:
         """Register the subscription; waits for the master."""
         manager = get_topic_manager()
         with manager.lock:
             manager._add(self, manager.subs, Registration.SUB)
-            return rospy.Subscriber(self._topic, rospy.AnyMsg)
+            self.subscriber = rospy.Subscriber(self._topic, rospy.AnyMsg)
 
     def has_connection(self, endpoint_id: str) -> bool:
         """Called by rospy before it connects: nobody needs to hear itself."""

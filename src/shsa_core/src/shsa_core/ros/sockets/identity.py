@@ -5,7 +5,7 @@ that was connected to, and, on this computer, the kernel says that one user list
 """
 import socket
 from functools import partial
-from typing import Callable, Dict, NamedTuple, Optional
+from typing import Callable, Dict, Optional
 
 import rospy
 
@@ -21,26 +21,17 @@ from shsa_core.ros.workers import Workers
 NOT_LISTED = "the master does not list this name at its address: it counts for nobody"
 
 
-class Identified(NamedTuple):
-    """The master was asked whose a connection is: the node `node`, which listens at `at`.
-
-    `node` is empty if nobody is there for the topic, and None if the master did not answer.
-    """
-
-    connection: Connection
-    node: Optional[str]
-    at: str = ""
-
-
 class Identities:
     """Asks the master whose connections are, and remembers where it said that nodes are.
 
-    All methods are for one thread. `tell` is called from others. `refused(topic, claim, why)` is
-    called for who is not whom it calls itself.
+    All methods are for one thread. `tell(connection, node, at)` is called from others with what is
+    to be `answered`. `refused(topic, claim, why)` is called for who is not whom it calls itself.
     """
 
     def __init__(
-        self, tell: Callable[[Identified], None], refused: Callable[[str, str, str], object]
+        self,
+        tell: Callable[[Connection, Optional[str], str], None],
+        refused: Callable[[str, str, str], object],
     ) -> None:
         self._tell, self._refused = tell, refused
         self._nodes: Dict[str, str] = {}
@@ -68,9 +59,12 @@ class Identities:
         """Return whether the master said last that a node is at this address."""
         return self._nodes.get(node) == uri
 
-    def answered(self, item: Identified) -> bool:
-        """Take the master's answer; return whether the connection is known by it."""
-        connection, node, _ = item
+    def answered(self, connection: Connection, node: Optional[str], at: str) -> bool:
+        """Take the master's answer; return whether the connection is known by it.
+
+        It is to `node`, which listens at `at`. `node` is empty if nobody is there for the topic,
+        and None if the master did not answer.
+        """
         tries = self._tries.get(connection)
         if tries is None:
             return False
@@ -79,14 +73,14 @@ class Identities:
                 why = f"it is {node}, by the master's word"
                 self._refused(connection.topic, connection.publisher, why)
             del self._tries[connection]
-            connection.publisher, connection.at, connection.is_known = node, item.at, True
+            connection.publisher, connection.at, connection.is_known = node, at, True
             if len(self._nodes) >= settings.MOST_KNOWN_NODES:
                 self._nodes.clear()
             self._nodes[node] = connection.uri
             return True
         if node is not None and tries:  # at first it may be registering
             self._refused(connection.topic, connection.publisher, NOT_LISTED)
-        pause = doubled(settings.FIRST_PAUSE_S, tries, settings.LONGEST_MASTER_PAUSE_S)
+        pause = doubled(settings.FIRST_PAUSE_S, tries, 2 * settings.ANSWER_S)
         self._again.set(connection, clock.now() + pause)
         self._tries[connection] += 1
         return False
@@ -108,7 +102,7 @@ class Identities:
         except FAILURES as error:
             rospy.logdebug("The master does not say whose %s is: %r", connection.uri, error)
         finally:  # whatever the master or its place says
-            self._tell(Identified(connection, node, at))
+            self._tell(connection, node, at)
 
     def _look(self, topic: str, claim: str, uri: str) -> str:
         if self._is_at(claim, uri):

@@ -5,10 +5,10 @@ two connections, and each end may drop another one; a publisher may drop a slow 
 node that has gone cannot do is listen at its own address, or offer the topic.
 """
 import socket
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from time import monotonic as _now
-from typing import Callable, Dict, List, NamedTuple, Tuple
+from typing import Callable, Dict, List, Tuple
 
 from rospy.impl.tcpros import get_tcpros_handler
 
@@ -16,18 +16,6 @@ from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
-
-
-class Answered(NamedTuple):
-    """The node at `uri` was asked for another connection.
-
-    If it was `willing`, that is under way. `number`: as it was asked.
-    """
-
-    topic: str
-    uri: str
-    willing: bool
-    number: int
 
 
 def refuses(host: str, uri: str) -> bool:
@@ -63,8 +51,8 @@ def refuses(host: str, uri: str) -> bool:
 class Doubt:
     """Somebody who is not connected any more, and may be gone; or never was: `publisher` is empty.
 
-    It is asked for another connection TRIES times at most, the last time under the number `asked`;
-    it may not have answered yet (`waits`). `until`: when it is taken to be gone.
+    It is asked for another connection TRIES times at most, and may not have answered yet (`waits`).
+    `until`: when it is taken to be gone.
     """
 
     topic: str
@@ -74,7 +62,6 @@ class Doubt:
     host: str
     until: float
     tries: int = 0
-    asked: int = 0
     waits: bool = False
 
 
@@ -82,15 +69,14 @@ class Reconnection:
     """Keeps those who are in doubt, and asks them for connections.
 
     All methods are for one thread; they return whose doubt has ended, so that it is gone. `tell` is
-    called from others.
+    called from others with a topic, and what is to be called for that.
     """
 
-    def __init__(self, tell: Callable[[Answered], None]) -> None:
+    def __init__(self, tell: Callable[[str, Callable[[], List[Doubt]]], None]) -> None:
         self._tell = tell
         self._workers = Workers("reconnect", settings.MOST_CALLS)
         self._listened: Dict[str, float] = {}
         self._doubts: Dict[Tuple[str, str], Doubt] = {}
-        self._asked = 0
 
     def lost(
         self, topic: str, uri: str, implementation: HandedOver, publisher: str = "", host: str = ""
@@ -105,13 +91,12 @@ class Reconnection:
         """Return whether somebody is in doubt."""
         return (topic, uri) in self._doubts
 
-    def answered(self, item: Answered) -> List[Doubt]:
-        """See what follows from an answer, unless it is one to a doubt before."""
-        doubt = self._doubts.get((item.topic, item.uri))
-        if doubt is None or doubt.asked != item.number:
+    def _answered(self, doubt: Doubt, willing: bool) -> List[Doubt]:
+        """See what follows if who was asked is `willing`, unless it is not that doubt any more."""
+        if self._doubts.get((doubt.topic, doubt.uri)) is not doubt:
             return []
         doubt.waits = False
-        doubt.tries = doubt.tries if item.willing else settings.TRIES
+        doubt.tries = doubt.tries if willing else settings.TRIES
         return self._settle(doubt)
 
     def overdue(self) -> List[Doubt]:
@@ -134,9 +119,8 @@ class Reconnection:
         if doubt.waits or doubt.implementation.connects(doubt.uri):
             return []
         if doubt.tries < settings.TRIES and not self.is_gone(doubt.host, doubt.uri):
-            self._asked += 1
-            doubt.asked, doubt.waits, doubt.tries = self._asked, True, doubt.tries + 1
-            self._workers.put(partial(self._ask, replace(doubt)))
+            doubt.waits, doubt.tries = True, doubt.tries + 1
+            self._workers.put(partial(self._ask, doubt))
             return []
         return [self._end(doubt)] if doubt.publisher else []
 
@@ -156,7 +140,7 @@ class Reconnection:
         try:
             willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
         finally:  # whatever a strange node answers, it is not willing
-            self._tell(Answered(doubt.topic, doubt.uri, willing, doubt.asked))
+            self._tell(doubt.topic, lambda: self._answered(doubt, willing))
 
 
 def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:

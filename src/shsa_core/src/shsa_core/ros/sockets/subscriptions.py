@@ -12,16 +12,16 @@ import os
 import select
 from collections import deque
 from contextlib import suppress
-from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Set, Union
+from functools import partial
+from typing import Any, Callable, Deque, Dict, Iterable, Iterator, List, NamedTuple, Optional, Set
+from typing import Tuple, Union
 
-import rospy
-
+from shsa_core.monitoring.events import Connected, Disconnected, Interrupted, Tick
 from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.connection import ArrivalTimes, Connection
-from shsa_core.ros.sockets.identity import Identified, Identities
-from shsa_core.ros.sockets.reconnection import Answered, Doubt, Reconnection
-
+from shsa_core.ros.sockets.identity import Identities
+from shsa_core.ros.sockets.reconnection import Doubt, Reconnection
 
 READABLE = select.EPOLLIN | select.EPOLLRDHUP
 
@@ -91,37 +91,6 @@ def _wait(timeout: float, *polled: Any) -> None:
     select.select(polled, (), (), max(0.0, timeout))
 
 
-class Connected(NamedTuple):
-    """The first connection to a publisher of a topic stands, or one after an interruption.
-
-    `at`: the numeric address of its process.
-    """
-
-    time: float
-    topic: str
-    publisher: str
-    at: str
-
-
-class Interrupted(NamedTuple):
-    """The last connection to a publisher was lost, but its node lives.
-
-    Connected or Gone follows soon.
-    """
-
-    time: float
-    topic: str
-    publisher: str
-
-
-class Gone(NamedTuple):
-    """A publisher of a topic is gone: its node, or what it offered."""
-
-    time: float
-    topic: str
-    publisher: str
-
-
 class Arrived(NamedTuple):
     """A message has come, at ROS time `ros_time` in ns.
 
@@ -135,30 +104,9 @@ class Arrived(NamedTuple):
     ros_time: int
 
 
-class Looked(NamedTuple):
-    """All that had come by now was told before: so far may time pass."""
-
-    time: float
-
-
-Happening = Union[Connected, Interrupted, Gone, Arrived, Looked]
-
-
-class _Made(NamedTuple):
-    """rospy has made a connection and read its header."""
-
-    topic: str
-    transport: Any
-
-
-class _Closed(NamedTuple):
-    """rospy has closed a connection."""
-
-    topic: str
-    transport: Any
-
-
-Told = Union[_Made, _Closed, Answered, Identified]
+Happening = Union[Connected, Interrupted, Disconnected, Arrived, Tick]
+"""A Tick: all that had come by then was told before, so far may time pass."""
+Happen = Callable[[], Iterable[Happening]]
 
 
 class Subscriptions:
@@ -179,41 +127,36 @@ class Subscriptions:
         self._times = ArrivalTimes(now)
         self._time = self._times.looked.time  # of what happens now
         self._wakes = wakes
-        self._told: Deque[Told] = deque()
-        self._identities = Identities(self._tell, refused)
-        self._reconnection = Reconnection(self._tell)
-        self._implementations: Dict[str, HandedOver] = {}
-        self.topics: Dict[str, rospy.Subscriber] = {}  # those that are subscribed
+        self._told: Deque[Tuple[str, Happen]] = deque()  # by whom else, on a topic
+        self._identities = Identities(self._identified, refused)
+        self._reconnection = Reconnection(
+            lambda topic, settle: self._tell(topic, lambda: self._gone(settle()))
+        )
+        self.topics: Dict[str, HandedOver] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
         self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
 
     def subscribe(self, topic: str) -> None:
         """Subscribe `topic`; waits for the master."""
-        made = lambda transport: self._tell(_Made(topic, transport))
-        closed = lambda transport: self._tell(_Closed(topic, transport))
-        implementation = self._implementations[topic] = HandedOver(topic, made, closed)
-        self.topics[topic] = implementation.subscribe()
+        made = lambda transport: self._tell(topic, partial(self._take_over, topic, transport))
+        closed = lambda transport: self._tell(topic, partial(self._closed, topic, transport))
+        implementation = self.topics[topic] = HandedOver(topic, made, closed)
+        implementation.subscribe()
 
     def unsubscribe(self, topic: str) -> None:
         """End the subscription of `topic` and its connections."""
-        del self._implementations[topic]
-        subscriber = self.topics.pop(topic)
+        implementation = self.topics.pop(topic)
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 self._forget(connection)
         self._reconnection.forget(topic)
-        subscriber.unregister()
+        implementation.subscriber.unregister()
 
     def choose_waking(self) -> None:
         """Ask again of each topic whether it wakes."""
         for connection in self._standing.values():
             self._have_wake(connection, connection.is_large or self._wakes(connection.topic))
-
-    @property
-    def waits(self) -> bool:
-        """Return whether there are connections that wake nobody, and are to be read as well."""
-        return not all(each.wakes for each in self._standing.values())
 
     def publishers(self, topic: str) -> Set[str]:
         """Return who publishes a topic, by the connections that stand."""
@@ -233,41 +176,39 @@ class Subscriptions:
         self._time = looked.time
         found: List[Happening] = []
         for _ in range(len(self._told)):
-            found += self._heed(self._told.popleft())
+            topic, happen = self._told.popleft()
+            if topic in self.topics:  # else it was unsubscribed
+                found += happen()
         self._identities.ask_again()
         since = looked.time if found else since
         ready, self._hurried = self.inbox.ready() | self._hurried, set()
         came = [
             *self._read(ready, since),
             *self._gone(self._reconnection.overdue()),
-            Looked(looked.time),
+            Tick(looked.time),
         ]
         return [*found, *sorted(came, key=lambda each: each.time)]
 
-    def _tell(self, item: Told) -> None:
-        self._told.append(item)
+    def _tell(self, topic: str, happen: Happen) -> None:
+        """Have something happen on a topic at the next look; from any thread."""
+        self._told.append((topic, happen))
         self.inbox.wake()
 
-    def _heed(self, item: Told) -> Iterator[Happening]:
-        """Do what follows from what rospy did, or from what a node or the master answered."""
-        topic = item.connection.topic if isinstance(item, Identified) else item.topic
-        implementation = self._implementations.get(topic)
-        if implementation is None:
-            return  # it was unsubscribed
-        if isinstance(item, Answered):
-            yield from self._gone(self._reconnection.answered(item))
-        elif isinstance(item, Identified):
-            if self._identities.answered(item):
-                yield from self._recognize(item.connection)
-        elif isinstance(item, _Made):
-            yield from self._take_over(topic, item.transport)
-        else:
-            for connection in list(self._standing.values()):
-                if connection.transport is item.transport:
-                    yield from self._lose(connection)
-            uri = item.transport.endpoint_id
-            if not item.transport.header or self._reconnection.is_doubted(topic, uri):
-                yield from self._gone(self._reconnection.lost(topic, uri, implementation))
+    def _identified(self, connection: Connection, node: Optional[str], at: str) -> None:
+        def happen() -> Iterator[Happening]:
+            if self._identities.answered(connection, node, at):
+                yield from self._recognize(connection)
+
+        self._tell(connection.topic, happen)
+
+    def _closed(self, topic: str, transport: Any) -> Iterator[Happening]:
+        """See what follows from a connection that rospy has closed."""
+        for connection in list(self._standing.values()):
+            if connection.transport is transport:
+                yield from self._lose(connection)
+        uri = transport.endpoint_id
+        if not transport.header or self._reconnection.is_doubted(topic, uri):
+            yield from self._gone(self._reconnection.lost(topic, uri, self.topics[topic]))
 
     def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
         if transport.done or transport.socket is None:
@@ -310,7 +251,7 @@ class Subscriptions:
             self._identities.claim(each)
         for topic in {each.topic for each in former} - {by.topic}:
             if by.publisher not in self.publishers(topic):
-                yield Gone(self._time, topic, by.publisher)
+                yield Disconnected(self._time, topic, by.publisher)
 
     def _read(self, ready: Set[int], since: float) -> Iterator[Happening]:
         for descriptor in ready:
@@ -347,7 +288,7 @@ class Subscriptions:
         """Forget a connection that has ended, and doubt its publisher, if it has no other."""
         self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
-        lost = topic, connection.uri, self._implementations[topic]
+        lost = topic, connection.uri, self.topics[topic]
         if not connection.is_known:
             yield from self._gone(self._reconnection.lost(*lost))
         elif publisher not in self.publishers(topic):
@@ -364,4 +305,4 @@ class Subscriptions:
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._identities.forget(doubt.publisher, doubt.uri)
-                yield Gone(self._time, doubt.topic, doubt.publisher)
+                yield Disconnected(self._time, doubt.topic, doubt.publisher)

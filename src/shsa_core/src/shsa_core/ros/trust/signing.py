@@ -45,7 +45,6 @@ class Signing:
         self.computers = Computers(self._boot, self._challenger.ask, time.monotonic_ns)
         self._lock = threading.Lock()
         self._measuring: Optional[threading.Thread] = None
-        self._met = threading.Event()
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
@@ -144,7 +143,6 @@ class Signing:
 
     def _keep_measured(self) -> None:
         """Compare clocks from now on, in a thread that one computer alone does not need."""
-        self._met.set()
         with self._lock:
             if self._measuring is None:
                 self._measuring = threading.Thread(target=self._measure, name="clocks", daemon=True)
@@ -152,8 +150,8 @@ class Signing:
 
     def _measure(self) -> None:
         while not rospy.is_shutdown():
-            self._met.wait(self.computers.renew())
-            self._met.clear()
+            self.computers.renew()
+            rospy.rostime.wallsleep(settings.LOOK_S)
 
     def _suspect(self, sender: str) -> None:
         """Say so if a sender has another secret: a person can mend that."""

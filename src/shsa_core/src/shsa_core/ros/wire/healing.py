@@ -1,7 +1,7 @@
 """Between the events and commands of monitor and reconfigurator and the messages of shsa_msgs."""
 import json
 from math import isfinite
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, Tuple, Union
 
 import rospy
 from shsa_msgs import msg, srv
@@ -12,8 +12,7 @@ from shsa_core.derivations.calibrator import SOURCE
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
-from shsa_core.model.calibration import Calibration
-from shsa_core.model.calibration import CalibrationRow
+from shsa_core.model.calibration import Calibration, CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
@@ -65,9 +64,8 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
 def calibrations_heard(table: msg.Calibrations) -> events.CalibrationsHeard:
     """Return the event of a message on /shsa/calibrations. Raises ShsaError if it is none."""
-    rows = tuple(_calibration_row(row) for row in table.calibrations)
-    removed = tuple(_calibration_key(key) for key in table.removed)
-    return events.CalibrationsHeard(clock.now(), rows, removed)
+    rows = tuple(map(_calibration_row, table.calibrations))
+    return events.CalibrationsHeard(clock.now(), rows, tuple(map(_calibration_key, table.removed)))
 
 
 def _calibration_row(row: msg.Calibration) -> CalibrationRow:
@@ -190,15 +188,14 @@ def calibration_row(row: CalibrationRow) -> msg.Calibration:
     )
 
 
-def calibration_key(service: str, program: Program) -> str:
+def calibration_key(service: str, program: Union[Program, msg.Calibration]) -> str:
     """Return the key of a row of the table of calibrations."""
     return json.dumps([service, program.inputs, program.code, program.outputs])
 
 
 def calibration_row_key(row: msg.Calibration) -> str:
-    """Return the key of a row of the table of calibrations."""
-    program = Program(tuple(row.inputs), row.code, tuple(row.outputs))
-    return calibration_key(row.service, program)
+    """Return the key of a row of that table."""
+    return calibration_key(row.service, row)
 
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:

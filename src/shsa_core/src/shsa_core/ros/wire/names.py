@@ -1,4 +1,5 @@
 """The ROS names of healing, relative to the namespace in which it runs."""
+from typing import Tuple
 
 FAILURES = "shsa/failures"
 HEALTH = "shsa/health"
@@ -29,6 +30,7 @@ def monitor_of(host: str) -> str:
     return f"monitor_{host}" if host else "monitor"
 
 
-def told_at(table: str, host: str) -> str:
-    """Return where the monitor of a computer publishes a table; no host: that of all others."""
-    return f"{table}/{host}" if host else table
+def told_by_monitor(host: str) -> Tuple[str, str]:
+    """Return where the monitor of a computer publishes health and calibrations, as above."""
+    end = f"/{host}" if host else ""
+    return f"{HEALTH}{end}", f"{CALIBRATIONS}{end}"

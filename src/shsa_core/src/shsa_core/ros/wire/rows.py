@@ -6,7 +6,7 @@ import math
 from dataclasses import MISSING, fields
 from enum import Enum
 from functools import lru_cache
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Type, TypeVar
+from typing import Any, Callable, Dict, List, Optional, Sequence, Type, TypeVar
 from typing import get_args, get_type_hints
 
 import genpy
@@ -39,13 +39,10 @@ def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
     def concerning(name: str) -> Optional[Concerns]:
         if not name.startswith(prefix) or not NUMBERED.fullmatch(name[len(prefix) :]):
             return None
-        return lambda row, rows: row.node == name or (not row.node and _may_be_idle(name, rows))
+        may_be_idle = lambda rows: name not in rows or not rows[name].code
+        return lambda row, rows: row.node == name or (not row.node and may_be_idle(rows))
 
     return concerning
-
-
-def _may_be_idle(name: str, rows: Mapping[str, msg.Substitution]) -> bool:
-    return name not in rows or not rows[name].code
 
 
 def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
