@@ -120,6 +120,24 @@ def reconfigurator() -> psutil.Process:
     return process
 
 
+def test_4_the_master_and_the_reconfigurator_may_die_together(robot: Robot) -> None:
+    robot.settle()
+    robot.await_kept()
+    healer = reconfigurator()
+    robot.master.kill()
+    end_process(healer)
+    robot.master.wait()
+    assert robot.taken_over("/hot", "/hot_node") < OUTAGE_S
+    assert robot.taken_over("/warm", "/warm_node") < ALONE_S + OUTAGE_S
+    robot.start_reconfigurator()
+    robot.start_master()
+    wait_until(lambda: "/old_consumer" in subscribers("/cold"), 20.0, "the old consumer")
+    for topic in ("/hot", "/warm"):
+        robot.healing.await_state(topic, "healed")
+        robot.returned(topic, f"{topic}_node")
+    robot.settle()
+
+
 def limit(process: psutil.Process, what: str, soft: str) -> None:
     """Limit a running process, as its user may: `prlimit --pid PID --nproc=1:`."""
     subprocess.run([*ORDINARY, "prlimit", f"--pid={process.pid}", f"--{what}={soft}:"], check=True)
@@ -133,7 +151,7 @@ def hang(robot: Robot, node: str) -> psutil.Process:
 
 
 @pytest.mark.skipif(not MAY_BE_LIMITED, reason="no setpriv: the processes of root are not limited")
-def test_4_without_processes_what_needs_none_is_healed_and_the_rest_later(robot: Robot) -> None:
+def test_5_without_processes_what_needs_none_is_healed_and_the_rest_later(robot: Robot) -> None:
     robot.settle()
     process = reconfigurator()
     limit(process, "nproc", "1")
@@ -153,7 +171,7 @@ def test_4_without_processes_what_needs_none_is_healed_and_the_rest_later(robot:
         robot.returned(topic, f"{topic}_node")
 
 
-def test_5_without_descriptors_healing_goes_on_as_soon_as_there_are_some(robot: Robot) -> None:
+def test_6_without_descriptors_healing_goes_on_as_soon_as_there_are_some(robot: Robot) -> None:
     robot.settle()
     process = reconfigurator()
     limit(process, "nofile", "1")
@@ -171,7 +189,7 @@ def test_5_without_descriptors_healing_goes_on_as_soon_as_there_are_some(robot: 
     assert new.heard, "whoever came meanwhile was never served"
 
 
-def test_6_a_log_that_cannot_be_written_keeps_nobody_from_healing(robot: Robot) -> None:
+def test_7_a_log_that_cannot_be_written_keeps_nobody_from_healing(robot: Robot) -> None:
     """No file may grow: as on a disk that is full."""
     robot.settle()
     processes = [reconfigurator(), node_process("/monitor")]
@@ -186,23 +204,6 @@ def test_6_a_log_that_cannot_be_written_keeps_nobody_from_healing(robot: Robot) 
         robot.returned(topic, f"{topic}_node")
     robot.settle()
     said = robot.errors()
-    assert "Traceback" not in said
+    assert "Traceback" not in said, said[said.index("Traceback") - 300 :]
     assert 1 <= said.count("This is said once") <= 2 + 2 * len(robot.healing.substitutions)
     assert said.count("incident log") <= 1
-
-
-def test_7_the_master_and_the_reconfigurator_may_die_together(robot: Robot) -> None:
-    robot.await_kept()
-    healer = reconfigurator()
-    robot.master.kill()
-    end_process(healer)
-    robot.master.wait()
-    assert robot.taken_over("/hot", "/hot_node") < OUTAGE_S
-    assert robot.taken_over("/warm", "/warm_node") < ALONE_S + OUTAGE_S
-    robot.start_reconfigurator()
-    robot.start_master()
-    wait_until(lambda: "/old_consumer" in subscribers("/cold"), 20.0, "the old consumer")
-    for topic in ("/hot", "/warm"):
-        robot.healing.await_state(topic, "healed")
-        robot.returned(topic, f"{topic}_node")
-    robot.settle()

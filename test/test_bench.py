@@ -26,6 +26,7 @@ ROWS = {
     "endurance": {"/monitor", "/reconfigurator", "prepared", *(f"lost_{n}" for n in range(2, 8))},
     "load": {"nine nodes"},
     "large_recordings": {"50000", "400000"},
+    "real_recordings": {"radiation by three instruments, a day"},
     "truth": {"as_fitted", "payload", "slopes", "carpet", "smooth"},
 }
 HEALTHY = ("healthy_traffic", "healthy_robots", "healthy_nodes")
@@ -37,6 +38,7 @@ UNDRAWN = (
     "load",
     "endurance",
     "large_recordings",
+    "real_recordings",
 )
 SELDOM = ("gated", "interference", "transfer_nodes", *UNDRAWN)
 """They only measure what others test: in `make test-long`."""

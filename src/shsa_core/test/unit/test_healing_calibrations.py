@@ -18,7 +18,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.ros import clock
@@ -118,7 +118,7 @@ PAIR = Service(
 LAWS = ["ux: u by 2*x", "uy: u by 3*y", "vx: v by 4*x", "vy: v by 5*y"]
 
 
-def pair(*outputs: Provision) -> Robot:
+def pair(*outputs: Provision, last_resort: LastResort = LastResort()) -> Robot:
     """Two values, each by two laws with known errors; the first is the best of both."""
     functions = []
     for number, law in enumerate(LAWS):
@@ -126,7 +126,7 @@ def pair(*outputs: Provision) -> Robot:
         each = function(name, output, text, 0.9)
         functions.append(replace(each, error=Error(0.1 * (number % 2 + 1), baseline=9.0)))
     properties = {name: Property(name) for name in "uvxy"}
-    lost = replace(PAIR, provides=outputs or PAIR.provides)
+    lost = replace(PAIR, provides=outputs or PAIR.provides, last_resort=last_resort)
     som = Som([lost, service("x", X), service("y", Y)])
     return Robot(som, Ontology(properties, {}, functions))
 
@@ -181,12 +181,13 @@ def test_small_changes_and_few_samples_change_no_plan() -> None:
     assert chosen(robot) == ("uy", "vx")
 
 
-def test_what_is_measured_while_it_is_healed_counts_later() -> None:
+def test_what_is_measured_while_it_is_healed_changes_no_plan_that_runs() -> None:
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
     robot.fail("/p", "/p_node", 10.0)
     program = measured(robot, 11.0, X, 0.3, 0.4)
-    assert chosen(robot) == ("ux", "vx")
+    assert chosen(robot) == ("uy", "vx")
+    assert robot.working()[0].relations == ("ux", "vx")
     robot = pair()
     measured(robot, 5.0, Y, 0.5, 0.1)
     assert measured(robot, 6.0, X, 0.3, 0.4) == program
@@ -216,7 +217,7 @@ def test_a_substitute_that_is_contradicted_gives_way_to_one_that_is_not() -> Non
     assert [(each.gain, each.offset) for each in row.outputs] == [(1.1, 0.3)] * 2
     told = "/p: the substitute is contradicted: its error has grown. The next best takes its place."
     assert Log(Level.WARN, told) in said and last_incident(said).state is State.HEALED
-    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(9.0),) * 2)
+    contradicted_too = CalibrationRow("p", program_of(robot, X), (calibration(8.0),) * 2)
     robot.handle(events.CalibrationsHeard(30.0, (contradicted_too,)))
     assert robot.working()[0].relations == ("ux", "vy"), "what was tried is not tried again"
 
@@ -225,6 +226,50 @@ def test_a_substitute_that_is_contradicted_gives_way_to_one_that_is_not() -> Non
 def test_a_substitute_goes_on_where_no_other_errs_clearly_less(first: float, second: float) -> None:
     robot, _ = contradicted(first, second)
     assert robot.working()[0].relations == ("ux", "vx")
+
+
+def intolerant(limit: float, last_resort: LastResort = LastResort(), n: int = 200) -> Robot:
+    """The best plan of a pair substitutes; an error of the first value up to `limit` is borne."""
+    strict = replace(PAIR.provides[0], fault_tolerant_error=limit), PAIR.provides[1]
+    robot = pair(*strict, last_resort=last_resort)
+    measured(robot, 5.0, Y, 0.1, 0.1, n=n)
+    robot.heal(10.0, "/p", "/p_node")
+    return robot
+
+
+def errs(robot: Robot, time: float, rms: float, n: int = 200) -> List[events.Command]:
+    """The monitor tells by what the best plan may err now."""
+    row = CalibrationRow("p", program_of(robot, Y), (calibration(rms, n),) * 2)
+    return robot.handle(events.CalibrationsHeard(time, (row,)))
+
+
+@pytest.mark.parametrize("n", [50, 200])
+def test_a_substitute_that_errs_more_than_is_tolerated_by_now_is_used_no_more(n: int) -> None:
+    robot = intolerant(0.3, n=n)
+    assert not any(isinstance(each, Log) for each in errs(robot, 15.0, 0.14, n))
+    said = errs(robot, 20.0, 2.0, n)
+    why = "u by ux: its error of 4 (p95) is above fault_tolerant_error, 0.3"
+    assert Log(Level.WARN, f"/p: the substitute is used no more: {why}.") in said
+    assert last_incident(said).state is State.UNHEALED and robot.working() == []
+    assert why in last_incident(said).detail
+
+
+def test_what_errs_too_much_makes_room_for_safe_values_and_is_used_again_once_it_may_be() -> None:
+    robot = intolerant(0.3, LastResort(values=(("u", 0.0), ("v", 0.0))))
+    errs(robot, 20.0, 2.0)
+    incident = robot.core.incident("p")
+    assert incident is not None and incident.state is State.SAFE
+    robot.handle(events.Tick(25.0))
+    assert [row.relations for row in robot.working()] == [()], "it still errs too much"
+    errs(robot, 30.0, 0.14)
+    robot.handle(events.Tick(100.0))
+    assert [row.relations for row in robot.working()] == [("ux", "vx")]
+
+
+def test_one_that_errs_too_much_makes_room_for_any_that_is_tolerated() -> None:
+    robot = intolerant(0.5)
+    assert last_incident(errs(robot, 20.0, 2.0)).state is State.HEALED
+    assert robot.working()[0].relations == ("uy", "vx")
 
 
 @pytest.mark.parametrize("standby", [Standby.COLD, Standby.HOT])

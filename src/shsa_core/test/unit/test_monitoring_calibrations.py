@@ -180,6 +180,21 @@ def test_the_stated_error_grows_with_age_and_where_two_derivations_part(
     assert rms(robot) > aged + 0.5
 
 
+def test_the_stated_error_grows_and_shrinks_also_while_nobody_publishes(
+    ontology: Ontology,
+) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    robot.run(90.0)
+    robot.hear(Disconnected(robot.now, "/load", "/load_node"))
+    robot.run(20.0, silent="load")
+    agreed = rms(robot)
+    robot.run(20.0, silent="load", speed=3.5)
+    parted = rms(robot)
+    assert parted > agreed + 0.5
+    robot.run(240.0, silent="load")
+    assert rms(robot) < agreed + 0.3 * (parted - agreed)
+
+
 def rms(robot: Robot) -> float:
     """Return the error that is stated of what is derived from the speed."""
     found = robot.of("load", "speed")

@@ -61,6 +61,14 @@ def saved_apart(folder: Path, columns: Any) -> Any:
     return save(folder / "apart", **series)
 
 
+def test_a_simpler_model_is_not_taken_if_it_is_worse_block_by_block(capsys: Any) -> None:
+    """Some blocks of a real day are hard for all models: that must not excuse a worse one."""
+    path = str(Path(__file__).resolve().parents[2] / "bench" / "recordings" / "surfrad.csv")
+    names = "direct,diffuse,infrared,temperature,humidity,wind,cosine_of_zenith"
+    answer = ask(capsys, "--data", path, "--from", names, target="global_radiation")
+    assert answer["accepted"] and answer["worst_block_nrmse"] < 0.04
+
+
 def test_what_only_grows_is_no_input(tmp_path: Path, capsys: Any) -> None:
     world = World(0)
     files = save(

@@ -5,7 +5,7 @@ That is all of them, or else those that can be computed, if the message says "un
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import prod
-from typing import Collection, Iterable, List, Optional, Sequence, Tuple, Union
+from typing import Collection, Iterable, Optional, Sequence, Tuple, Union
 
 from shsa_core.codegen.choice import listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
@@ -178,8 +178,8 @@ def plan_sources(
             plan = make_plan(ontology, outputs, rated, proven and whole, predictor)
             if isinstance(plan, GenerationError):
                 refused = refused or plan
-            elif _too_wrong(plan):
-                too_wrong = too_wrong or _too_wrong(plan)
+            elif errs_too_much(plan):
+                too_wrong = too_wrong or errs_too_much(plan)
             elif plan not in tried:
                 return plan
             else:
@@ -193,7 +193,7 @@ def plan_sources(
     raise _nothing(ontology, table, properties, outputs)
 
 
-def _too_wrong(plan: Plan) -> str:
+def errs_too_much(plan: Plan) -> str:
     """Return why a plan is not used by its errors, in words; empty: it may be."""
     for source, derivation, error in zip(plan.outputs, plan.derivations, plan.errors):
         why = refusal(error, source.provision.fault_tolerant_error)
@@ -216,9 +216,7 @@ def make_plan(
         program = program_of(ontology, derivations, outputs)
     except GenerationError as error:
         return error
-    errors: List[Optional[Error]] = [None] * len(derivations)
-    if predictor is not None:
-        errors = predictor.of(derivations)
+    errors = predictor.of(derivations) if predictor else [None] * len(derivations)
     known = [error.quality for error in errors if error is not None and error.quality is not None]
     quality = prod(known) if len(known) == len(errors) else rated.quality
     return Plan(

@@ -82,6 +82,8 @@ class Calibrations:
             said.append(CalibrationsChanged(tuple(rows.values())))
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
+            for service in (each for each in self._som if not self._is_there(each)):
+                self._derivations.unmeasured(service, time)  # though nobody may speak for it
             self._plan()
             said += self._fuse(time)
         if self._wanted and time >= self._search_at:

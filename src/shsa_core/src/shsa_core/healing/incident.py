@@ -33,7 +33,7 @@ class Trigger(Word):
     SILENT = "silent while its program changes"
     LATE = "first message is late"
     NO_VALUE = "its law does not hold"
-    OUTGROWN = "another plan errs clearly less by now"
+    OUTGROWN = "it errs too much by now, or clearly more than another plan"
     RETURNED = "its node is back"
     STEADY = "healthy for the hold-off"
     RETRY = "a pause is over"

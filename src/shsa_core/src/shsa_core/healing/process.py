@@ -12,7 +12,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.robot import Robot
-from shsa_core.healing.settings import ANSWER_S, LOOKED_AT, TAKEOVER_S
+from shsa_core.healing.settings import ANSWER_S, TAKEOVER_S
 from shsa_core.model.cost import Cost, cost
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
@@ -70,12 +70,8 @@ class Processes:
 
     def working_on(self, host: str) -> List[str]:
         """Return the services whose substitute runs on a computer."""
-        return [
-            name
-            for node, s in self._services.items()
-            if self._robot.elsewhere.get(node, "") == host
-            for name in s
-        ]
+        nodes = (n for n in self._services if self._robot.elsewhere.get(n, "") == host)
+        return [name for node in nodes for name in self._services[node]]
 
     def hold_starts(self, until: float) -> List[Command]:
         """Start nothing that stands by before a moment, in s."""
@@ -306,13 +302,13 @@ class Substitute:
         return self.plan is not None and self.plan.computes and not self.plan.left_out
 
     def find(self, service: Service, faulty: str) -> Plan:
-        """Return the plan to follow now: the one that is followed, if it holds and gives all.
+        """Return the plan to follow now: the one followed, if it holds, gives all and may err so.
 
         Raises ShsaError if there is none.
         """
         plan, planner = self.plan, self._robot.planner
         if plan is not None and self.whole and plan not in self.tried:
-            if planner.usable(plan, {faulty}):
+            if planner.usable(plan, {faulty}) and not planner.errs_too_much(plan):
                 return plan
         return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
 
@@ -332,16 +328,11 @@ class Substitute:
 
         The error of what runs grows where another derivation contradicts it.
         """
-        planner, plan, found = self._robot.planner, self.plan, None
+        planner, plan = self._robot.planner, self.plan
         if plan is None or not planner.errs_more(plan):
             return None
-        tried, excluded = self.vain, self._robot.health.doomed | {faulty}
-        with suppress(ShsaError):
-            for _ in range(LOOKED_AT):
-                another = planner.plan(service, excluded, tried)
-                found = another if planner.errs_more(found or plan, another) else found
-                tried |= {another}
-        return found
+        another = self.another(service, faulty)
+        return another if another is not None and planner.errs_more(plan, another) else None
 
     def use(
         self,
@@ -378,12 +369,10 @@ class Substitute:
     def use_safe_values(self, service: Service) -> List[Command]:
         """Have the service's safe values published, if it has any; else no process is left."""
         plan = safe_values(service)
-        if plan is None or plan in self.tried:
-            return self.drop()
-        try:
-            return [] if plan == self.plan else self.use(service, plan)
-        except ShsaError:
-            return self.drop()
+        with suppress(ShsaError):
+            if plan is not None and plan not in self.tried:
+                return [] if plan == self.plan else self.use(service, plan)
+        return self.drop()
 
     def prepare(self, service: Service) -> List[Command]:
         """Follow the best plan for the case that the service's node fails.
@@ -391,18 +380,13 @@ class Substitute:
         A process is started for it once there is room. None stands by unless the service is hot.
         """
         robot = self._robot
-        if standby(service) is not Standby.HOT:
-            return self.drop()
-        try:
-            ready = robot.planner.plans.plan(service.name)
-            plan = ready or robot.planner.explain(service, robot.planned_without(service))
-            if plan == self.plan:
-                return []
-            if not self.node and not self._processes.starts.may(robot.time, service.name):
-                return []
-            return self.use(service, plan, ahead=True)
-        except ShsaError:
-            return self.drop()
+        with suppress(ShsaError):
+            if standby(service) is Standby.HOT:
+                ready = robot.planner.plans.plan(service.name)
+                plan = ready or robot.planner.explain(service, robot.planned_without(service))
+                waits = not self.node and not self._processes.starts.may(robot.time, service.name)
+                return [] if plan == self.plan or waits else self.use(service, plan, ahead=True)
+        return self.drop()
 
     def drop(self) -> List[Command]:
         """End the process."""

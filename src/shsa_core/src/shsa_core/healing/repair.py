@@ -158,11 +158,16 @@ def change_law(service: ServiceMachine, _: Failure) -> List[Command]:
 
 
 def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Follow a plan that errs clearly less by now, as another derivation contradicts this one."""
+    """Follow a plan that errs clearly less by now, as another derivation contradicts this one.
+
+    Without one, who errs more than is tolerated is used no more: silence does less harm.
+    """
     substitute = service.substitute
     another = substitute.better(service.spec, service.incident.faulty_node)
     if another is None:
-        return []
+        why = substitute.plan and service.robot.planner.errs_too_much(substitute.plan)
+        said = service.log(f"the substitute is used no more: {why}.")
+        return [said, *heal(service)] if why else []
     substitute.tried = substitute.vain
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
     return [service.log(text), *follow(service, another)]
@@ -423,7 +428,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     for state in SUBSTITUTED:
         yield state, Trigger.SILENT, await_again, (healing,)
         yield state, Trigger.NO_VALUE, change_law, (state,)
-    yield healed, Trigger.OUTGROWN, give_way, (healed,)
+    yield healed, Trigger.OUTGROWN, give_way, (healed, *_STUCK_OR_HEALING)
     for state in (healing, healed, safe):
         yield state, Trigger.SUBSTITUTE_FAILED, heal, _STUCK_OR_HEALING
 

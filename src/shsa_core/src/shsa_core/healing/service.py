@@ -335,7 +335,7 @@ class ServiceMachine:
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
     def outgrown(self) -> List[Command]:
-        """Change the plan of a substitute if another one errs clearly less by now."""
+        """Change the plan of a substitute that errs too much, or clearly more than another."""
         return self.fire(Trigger.OUTGROWN) if self.state is State.HEALED else []
 
     def tick(self) -> List[Command]:

@@ -57,4 +57,3 @@ LISTEN_S, LISTEN_PERIODS = 0.5, 3.0  # that a node is counted on its own compute
 
 # Processes of substitutes.
 TAKEOVER_S = 2.0  # that a process that runs already may take to its first message
-LOOKED_AT = 4  # plans that may err less than one that another derivation contradicts

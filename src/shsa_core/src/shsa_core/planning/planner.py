@@ -4,11 +4,10 @@ from dataclasses import replace
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.generator import fusions_of, ways_of
-from shsa_core.codegen.plans import Plan, plan_service, safe_values
+from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
 from shsa_core.codegen.prediction import Predictor, predictor
-from shsa_core.errors import ShsaError
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.calibration import CalibrationRow
+from shsa_core.errors import NoSubstitute, ShsaError
+from shsa_core.model.calibration import UNCALIBRATED, Calibration, CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Deadlines, Service, Signal, Source
@@ -53,9 +52,9 @@ class Calibrations:
             return False
         if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
             return False
+        self._measure(row, 0 if healing else ENOUGH)
         if not healing:
             self._known.setdefault(row.service, {})[row.program] = row.calibrations
-            self._measure(row)
             return True
         self._later.setdefault(row.service, {})[row.program] = row.calibrations
         known = self.of(row.service, row.program)
@@ -64,11 +63,11 @@ class Calibrations:
         self._known.setdefault(row.service, {})[row.program] = frozen
         return frozen != known
 
-    def _measure(self, row: CalibrationRow) -> None:
+    def _measure(self, row: CalibrationRow, enough: int) -> None:
         """Note what is measured, where it changes much: plans are not to change all the time."""
         measured = self.measured.setdefault(row.service, {})
         for way, error in zip(ways_of(row.program), (each.error for each in row.calibrations)):
-            if error is None or (error.n or 0) < ENOUGH:
+            if error is None or (error.n or 0) < enough:
                 continue
             former = measured.get(way)
             if former is None or abs(error.rms - former.rms) > CHANGED * former.rms:
@@ -194,10 +193,16 @@ class Planner:
     def plan(self, service: Service, excluded: Collection[str], tried: Collection[Plan]) -> Plan:
         """Return the best plan without some nodes, but for those tried. Raises ShsaError."""
         ready = self.plans.plan(service.name)
-        if ready is not None and ready not in tried and self.usable(ready, excluded):
-            return ready
-        question = self.ontology, service, self.plans.sources, excluded, self._method, tried
-        return plan_service(*question, self.predictor_of(service.name), STEPS)
+        plan = ready if ready not in tried and ready and self.usable(ready, excluded) else None
+        if plan is None:
+            question = self.ontology, service, self.plans.sources, excluded, self._method, tried
+            plan = plan_service(*question, self.predictor_of(service.name), STEPS)
+        why = self.errs_too_much(plan)
+        if not why:
+            return plan
+        with suppress(NoSubstitute):
+            return self.plan(service, excluded, {*tried, plan})
+        raise NoSubstitute(service.properties, (), refused=why)
 
     def explain(self, service: Service, excluded: Collection[str], method: str = "") -> Plan:
         """Search it, without some services, nodes and topics. Raises ShsaError."""
@@ -250,6 +255,10 @@ class Planner:
     def errors(self, plan: Plan) -> Tuple[Optional[Error], ...]:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
         return tuple(signal.error for signal in self.outputs(plan))
+
+    def errs_too_much(self, plan: Plan) -> str:
+        """Return why a plan is not used by what it errs by now, in words; empty: it may be."""
+        return errs_too_much(replace(plan, errors=self.errors(plan)))
 
     def errs_more(self, plan: Plan, another: Optional[Plan] = None) -> bool:
         """Tell that a plan errs clearly more by now than another; None: than any calibrated one."""

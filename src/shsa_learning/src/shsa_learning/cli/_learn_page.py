@@ -166,7 +166,7 @@ def _ladder(learned: Learned) -> Figure:
     axes.set_yticks(range(len(rungs)))
     axes.set_yticklabels([rung.recipe.named(learned.ladder) for rung in rungs])
     axes.invert_yaxis()
-    axes.set_xlabel("RMS error on blocks, and its standard error")
+    axes.set_xlabel("RMS error on blocks, and the standard error of its distance from the best")
     return figure
 
 

@@ -211,7 +211,7 @@ def _figures(learned: "Learned") -> List[str]:
         )
         for rung in model.choice.rungs
     ]
-    table = tabulate(rows, ("model", "NRMSE / %", "standard error"), disable_numparse=True)
+    table = tabulate(rows, ("model", "NRMSE / %", "error of the difference"), disable_numparse=True)
     return [
         f"error on {learned.blocks} blocks that it had not seen: RMS {error.rms:.4g} "
         f"({100.0 * error.rms / span:.2f} % of the range), bias {error.bias:.3g}, 95 % within "

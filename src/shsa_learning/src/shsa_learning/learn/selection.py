@@ -1,4 +1,6 @@
-"""The choice of a model: the simplest within one standard error of the best, on blocks.
+"""The choice of a model: the simplest that is not surely worse than the best, on blocks.
+
+That is by the standard error of the difference, as some blocks are hard for all models.
 
 Nested: each outer block is predicted by a model whose form, terms, lags and coefficients were
 chosen without it, so its error is that of the whole procedure.
@@ -24,7 +26,10 @@ MOST_UNTOLD = 0.1
 
 
 class Rung(NamedTuple):
-    """The mean of a recipe's RMS errors on the blocks of a choice, and its standard error."""
+    """The mean of a recipe's RMS errors on the blocks of a choice.
+
+    `standard_error`: of its difference from the best, block by block.
+    """
 
     recipe: Recipe
     rms: float
@@ -124,7 +129,7 @@ class Candidates:
         return self._short.sums(shortlist, rows, most)
 
     def choose(self, rows: np.ndarray) -> Choice:
-        """Choose the simplest recipe within one standard error of the best, by some rows alone."""
+        """Choose the simplest recipe that is not surely worse than the best, by some rows alone."""
         kinds = {recipe.rung for recipe in self.recipes}
         lags: Tuple[Lag, ...] = (Lag(),) * len(self.ladder.names)
         if kinds - {MEAN, LAW, TERMS}:
@@ -135,17 +140,12 @@ class Candidates:
         self._found.clear()
         prepared = Choice(Recipe(MEAN), lags, shortlist, (), ())
         folds = [_of(rows, fold) for fold in blocked(self.features.time[rows], INNER)]
-        rungs = []
-        for recipe in list(self.recipes):
-            errors = self._errors(recipe, prepared, folds)
-            if recipe in self.failed:
-                continue
-            spread = float(np.std(errors, ddof=1)) if np.isfinite(errors).all() else 0.0
-            rungs.append(Rung(recipe, float(np.mean(errors)), spread / np.sqrt(len(errors))))
-        best = min(rungs, key=lambda rung: rung.rms)
-        limit = best.rms + best.standard_error
+        all_ = {recipe: self._errors(recipe, prepared, folds) for recipe in list(self.recipes)}
+        errors = {recipe: each for recipe, each in all_.items() if recipe not in self.failed}
+        best = min(errors.values(), key=lambda each: float(np.mean(each)))
+        rungs = [Rung(recipe, *_beside(best, each)) for recipe, each in errors.items()]
         chosen = min(
-            (rung for rung in rungs if rung.rms <= limit),
+            (each for each in rungs if each.rms <= np.mean(best) + each.standard_error),
             key=lambda rung: (*rung.recipe.complexity, rung.rms),
         ).recipe
         terms: Tuple[str, ...] = ()
@@ -203,6 +203,14 @@ def errors_of(candidates: Candidates, choice: Choice, seed: int) -> Dict[str, fl
         off = np.concatenate(parts)
         result[name] = rms(off[np.isfinite(off)])
     return result
+
+
+def _beside(best: Sequence[float], errors: Sequence[float]) -> Tuple[float, float]:
+    """Return the mean of some errors, and the standard error of how much more they are."""
+    if not np.isfinite(errors).all():
+        return np.inf, 0.0
+    more = np.subtract(errors, best)
+    return float(np.mean(errors)), float(np.std(more, ddof=1) / np.sqrt(len(more)))
 
 
 def _of(rows: np.ndarray, fold: Fold) -> Fold:

@@ -89,7 +89,7 @@ class Restarts:
         if start is None or ended(start.starter):
             return None
         for pid in _children(start.starter[0]):
-            with suppress(psutil.Error):
+            with suppress(psutil.Error, OSError):  # without descriptors the next look is soon
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
                     return process
