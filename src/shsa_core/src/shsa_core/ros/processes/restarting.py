@@ -131,8 +131,8 @@ class Restarts:
         """
         running = filter(self._starts.__contains__, self._children.running())
         starters = {node: self._starts[node].starter for node in running}
-        ours = identity(os.getppid())
-        over = lambda first: ended(first) or (ending and first == ours)
+        ours = identity(os.getppid()) if ending else NOBODY
+        over = lambda first: ended(first) or first == ours
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
