@@ -242,7 +242,7 @@ def test_the_command_line(tmp_path: pathlib.Path, capsys: Any) -> None:
     assert '    topic: "/stop/dmin/data"\n' in draft
     assert "    period: 0.1\n    needed: true\n" in draft
     assert "  battery:\n" in draft and "  battery_2:\n" in draft
-    with pytest.raises(ModelError, match="type must be a text, not empty"):
+    with pytest.raises(ModelError, match="type must be written like std_msgs/Float64, not empty"):
         read_som(som)
     filled = draft.replace("type:\n", "type: p/T\n").replace("node:\n", "node: /n\n")
     filled = (
