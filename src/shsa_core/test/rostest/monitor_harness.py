@@ -8,6 +8,8 @@ import time
 import unittest
 from typing import Callable, Dict, List, Optional, Tuple
 
+import rosgraph
+import rosnode
 import rospy
 import yaml  # type: ignore[import]
 from rosgraph_msgs.msg import Log
@@ -89,6 +91,9 @@ class MonitorCase(unittest.TestCase):
         """Ends the publishers, and has the monitor forget them before another test begins."""
         for process in self.processes:
             process.end()
+        # The port of a dead node may be the next one's: it would be taken for it.
+        named = [process.name for process in self.processes]
+        rosnode.cleanup_master_blacklist(rosgraph.Master(rospy.get_name()), named)
         self.watch()
 
     @classmethod
