@@ -84,7 +84,7 @@ class SomWatch:
                     self._heed(value)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
             rest = max(settings.MASTER_LOOK_S, took)
-            rospy.rostime.wallsleep(min(rest, settings.LOOK_S) if self._live else rest)
+            rospy.rostime.wallsleep(min(rest, settings.LOOK_S if self._live else settings.ANSWER_S))
 
     def _value(self) -> object:
         """Return what lies at shsa/som; {} if nothing does."""
