@@ -250,6 +250,17 @@ def _ride(name: str, origin: str, file: str, target: str, inputs: str) -> Source
     return Source(name, origin, file, target.lower(), tuple(names[1:]), ride(fields))
 
 
+FLIGHT = dataflash(
+    {
+        "current": "CURR.Curr",
+        **MOTORS,
+        **INERTIAL,
+        "voltage": "CURR.Volt",
+        "throttle": "CTUN.ThrOut",
+        "altitude": "BARO.Alt",
+    },
+    "CURR",
+)
 SOURCES: Sequence[Source] = (
     # In the repository: cuts of what packages ship.
     Source(
@@ -476,17 +487,7 @@ SOURCES: Sequence[Source] = (
         "pxf/copter/test/MS5611_SPI.BIN",
         "current",
         (*MOTORS, *INERTIAL, "voltage", "throttle", "altitude"),
-        dataflash(
-            {
-                "current": "CURR.Curr",
-                **MOTORS,
-                **INERTIAL,
-                "voltage": "CURR.Volt",
-                "throttle": "CTUN.ThrOut",
-                "altitude": "BARO.Alt",
-            },
-            "CURR",
-        ),
+        FLIGHT,
     ),
     Source(
         "quadcopter: current, a longer flight",
@@ -494,17 +495,7 @@ SOURCES: Sequence[Source] = (
         "pxf/copter/PXFv2.0b+Rpi.BIN",
         "current",
         (*MOTORS, *INERTIAL, "voltage", "throttle", "altitude"),
-        dataflash(
-            {
-                "current": "CURR.Curr",
-                **MOTORS,
-                **INERTIAL,
-                "voltage": "CURR.Volt",
-                "throttle": "CTUN.ThrOut",
-                "altitude": "BARO.Alt",
-            },
-            "CURR",
-        ),
+        FLIGHT,
     ),
     Source(
         "quadcopter: acceleration by motors",

@@ -84,7 +84,8 @@ class UrgentFirst:
     def __init__(self, name: str, pause: float) -> None:
         self._workers = Workers(name)
         self._changed = threading.Condition()
-        self._calls: List[Tuple[str, Call]] = []
+        self._first: List[Tuple[str, Call]] = []
+        self._rest: List[Tuple[str, Call]] = []
         self._urgent: FrozenSet[str] = frozenset()
         self._pause = pause
 
@@ -92,28 +93,23 @@ class UrgentFirst:
         """Take these topics to be urgent from now on."""
         with self._changed:
             self._urgent = self._urgent.union(topics)
+            self._first += [each for each in self._rest if each[0] in self._urgent]
+            self._rest = [each for each in self._rest if each[0] not in self._urgent]
             self._changed.notify()
 
     def put(self, topic: str, call: Call) -> None:
         """Make a call as soon as it is its turn; returns at once."""
         with self._changed:
-            self._calls.append((topic, call))
+            (self._first if topic in self._urgent else self._rest).append((topic, call))
             self._changed.notify()
         self._workers.put(self._make)
 
     def _make(self) -> None:
         with self._changed:
-            topic, call = self._calls.pop(self._next())
+            topic, call = (self._first or self._rest).pop(0)
         try:
             call()
         finally:
             with self._changed:
                 if topic not in self._urgent:
-                    self._changed.wait_for(self._hurries, self._pause)
-
-    def _next(self) -> int:
-        places = enumerate(self._calls)
-        return next((place for place, (topic, _) in places if topic in self._urgent), 0)
-
-    def _hurries(self) -> bool:
-        return any(topic in self._urgent for topic, _ in self._calls)
+                    self._changed.wait_for(lambda: bool(self._first), self._pause)

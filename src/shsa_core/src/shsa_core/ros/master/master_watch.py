@@ -237,9 +237,8 @@ class MasterWatch:
         ours = filter(self._is_ours, said)
         missing = registrations.to_register(self._former, present, said, ours)
         if missing:
-            publishers = self._calls.register(missing)
-            for each, uris in zip(missing, publishers):
-                self._tell_subscriber(each, uris, present, said)
+            answers = self._calls.register(missing)
+            self._tell_subscribers(zip(missing, answers), present, said)
             nodes = len({each.node for each in missing})
             text = "The master was told again of %d registrations of %d nodes."
             rospy.loginfo(text, len(missing), nodes)
@@ -248,23 +247,23 @@ class MasterWatch:
             self._former = None
         return left
 
-    def _tell_subscriber(
-        self, new: Registration, uris: Any, present: Graph, said: Collection[str]
+    def _tell_subscribers(
+        self, answers: Iterable[Tuple[Registration, Any]], present: Graph, said: Collection[str]
     ) -> None:
-        """Tell a subscriber of those who have registered with the new master before it.
+        """Tell subscribers of those who have registered with the new master before them.
 
         With those who are to be registered yet: roscpp drops all that it is not told of.
         """
-        assert self._former is not None
+        former = self._former or present
         known = {topic for topic, _ in present.parts[Part.PUBLISHER]}
-        if new.part is Part.SUBSCRIBER and new.name in known and isinstance(uris, list):
-            gone = self._settled.union(said)
-            later = {
-                self._former.nodes[node]
-                for topic, node in self._former.parts[Part.PUBLISHER]
-                if topic == new.name and node in self._former.nodes and node not in gone
-            }
-            tell([new.uri], new.name, sorted(later.union(uris)))
+        awaited = former.nodes.keys() - self._settled.union(said)
+        for new, uris in answers:
+            if new.part is Part.SUBSCRIBER and new.name in known and isinstance(uris, list):
+                pairs = former.parts[Part.PUBLISHER]
+                later = {
+                    former.nodes[n] for topic, n in pairs if topic == new.name and n in awaited
+                }
+                tell([new.uri], new.name, sorted(later.union(uris)))
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
         """Return what nodes that answer soon say of themselves; one that has gone is settled."""

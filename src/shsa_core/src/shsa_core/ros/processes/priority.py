@@ -53,10 +53,9 @@ def _try(pid: int) -> bool:
     with _lock:
         try:
             Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
-        except BlockingIOError:
-            return False
-        except OSError:
-            pass  # it has ended meanwhile
+        except OSError as error:  # or it has ended meanwhile
+            if isinstance(error, BlockingIOError):
+                return False
         del _wanted[pid]
         return True
 
