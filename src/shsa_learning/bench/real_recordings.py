@@ -4,7 +4,7 @@
 
 Each is learned by `shsa learn`, in a process of its own: an error of a model at most 1.1 times that
 of nested blocked cross-validation by scikit-learn from the same inputs, or a refusal. Of those
-whose cut is not in the repository DIR must hold the files; `real_sources.py` says where they are.
+whose cut is not in the repository DIR must hold the files; `real_sources.yaml` says where they are.
 """
 import argparse
 import json
@@ -17,7 +17,7 @@ from typing import List
 
 import numpy as np
 from real_reference import reference
-from real_sources import CUTS, SOURCES, Source, cut, write
+from real_sources import CUTS, Source, cut, sources, write
 from report import Goals, write_table
 
 RATIO_GOAL = 1.1
@@ -84,16 +84,15 @@ def main() -> int:
     options.results.mkdir(parents=True, exist_ok=True)
     rows: List[List[object]] = []
     with TemporaryDirectory() as folder:
-        for source in SOURCES[:1] if options.short else SOURCES:
+        for source in sources()[:1] if options.short else sources():
             if not any(part in source.name for part in options.only):
                 continue
             path = CUTS / source.cut
-            if source.convert is not None:
-                given = options.data / Path(source.file).name if options.data else None
-                if given is None or not given.exists():
+            if not source.cut:
+                if not options.data or not (options.data / Path(source.file).name).exists():
                     continue
                 path = Path(folder) / "recording.csv"
-                write(path, source.convert(given))
+                write(path, source.columns(options.data))
             rows.append(measured(source, path))
             print(*rows[-1], sep=" | ", flush=True)
             write_table(options.results / "real_recordings.csv", COLUMNS, rows)
