@@ -13,7 +13,7 @@ from shsa_learning.learn.delays import texts
 from shsa_learning.learn.evaluation import LEARNED, Known, evaluate
 from shsa_learning.learn.features import Features, function_of
 from shsa_learning.learn.formula import Terms, products
-from shsa_learning.learn.models import DIVIDED, LAW, LINEAR, PRODUCTS, TERMS, fit
+from shsa_learning.learn.models import DIVIDED, LAW, LINEAR, PRODUCTS, SHORT, fit
 from shsa_learning.learn.selection import OUTER, Choice
 from shsa_learning.learn.short import fitted, usual
 from shsa_learning.learn.table import Fold, Table, block_numbers, blocked
@@ -90,7 +90,7 @@ def model_of(
     if choice.recipe.rung == LAW:
         known = laws[choice.recipe.law]
         return Model(choice, str(choice.recipe), known.function, "", known)
-    if choice.recipe.rung == TERMS:
+    if choice.recipe.rung in SHORT:
         return _short_model(choice, table, off)
     return _ladder_model(choice, table, tuple(ladder), off, seed)
 

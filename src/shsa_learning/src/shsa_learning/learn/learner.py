@@ -12,7 +12,7 @@ from shsa_learning.learn.delays import DELAYS_S, FILTERS_S, Lag
 from shsa_learning.learn.evaluation import Knowledge, Known
 from shsa_learning.learn.features import Features, function_of
 from shsa_learning.learn.fitting import Model, model_of
-from shsa_learning.learn.models import LAW, TERMS, Recipe, fit, ladder
+from shsa_learning.learn.models import LAW, SHORT, TERMS, Recipe, fit, ladder
 from shsa_learning.learn.rows import Data
 from shsa_learning.learn.screening import screened
 from shsa_learning.learn.selection import (
@@ -122,7 +122,7 @@ class _Learner:
         said = {name: law.said[features.rows] for name, law in laws.items()}
         self._candidates = Candidates(features, short, self._ladder, recipes, said, seed)
         for recipe in recipes:
-            why = self._unwritable(recipe, plain) if recipe.rung != TERMS else ""
+            why = self._unwritable(recipe, plain) if recipe.rung not in SHORT else ""
             if why:
                 self._candidates.skip(recipe, why)
 

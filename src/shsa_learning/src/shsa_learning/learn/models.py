@@ -25,9 +25,11 @@ from shsa_learning.learn.formula import (
     products,
 )
 
-MEAN, LAW, TERMS = "mean", "law", "terms"
+MEAN, LAW, INPUTS, TERMS = "mean", "law", "inputs", "terms"
 LINEAR, PRODUCTS, DIVIDED = "linear", "products", "divided"
 POLYNOMIAL, MLP, SVM = "polynomial", "mlp", "svr"
+SHORT = (INPUTS, TERMS)
+"""Sums of a few inputs as they are, and of a few terms that are made of them."""
 
 OUTLIER = 6.0  # standard deviations of a residual
 MOST_OUTLIERS = 0.1  # of all rows: where there are more, the model is wrong and not the rows
@@ -47,9 +49,10 @@ class Recipe(NamedTuple):
     law: str = ""
 
     @property
-    def complexity(self) -> Tuple[int, float]:
+    def complexity(self) -> Tuple[int, float, bool]:
         """Of two that are as good the one with the lower complexity is taken."""
-        return LEVELS[self.rung], self.setting if self.rung == TERMS else 0.0
+        summed = self.setting if self.rung in SHORT else 0.0
+        return LEVELS[self.rung], summed, self.rung == TERMS
 
     def named(self, inputs: Sequence[str]) -> str:
         """Return it in words, for inputs of such names."""
@@ -58,16 +61,16 @@ class Recipe(NamedTuple):
     def __str__(self) -> str:
         if self.law:
             return f"{self.rung} {self.law}"
-        if self.rung == TERMS:
-            return "1 term" if self.setting == 1.0 else f"{self.setting:g} terms"
+        if self.rung in SHORT:
+            return f"{self.setting:g} {self.rung if self.setting > 1.0 else self.rung[:-1]}"
         if self.rung in (PRODUCTS, POLYNOMIAL, MLP):
             return f"{self.rung} {self.setting:g}"
         return self.rung
 
 
 CHOICES: Mapping[str, Tuple[str, ...]] = {
-    "auto": (TERMS, LINEAR, PRODUCTS, DIVIDED, POLYNOMIAL, MLP, SVM),
-    "terms": (TERMS,),
+    "auto": (*SHORT, LINEAR, PRODUCTS, DIVIDED, POLYNOMIAL, MLP, SVM),
+    "terms": SHORT,
     "linear": (LINEAR,),
     "polynomial": (PRODUCTS, DIVIDED, POLYNOMIAL),
     "svr": (SVM,),
@@ -78,6 +81,7 @@ CHOICES: Mapping[str, Tuple[str, ...]] = {
 LEVELS: Mapping[str, int] = {
     MEAN: 0,
     LAW: 1,
+    INPUTS: 2,
     TERMS: 2,
     LINEAR: 3,
     PRODUCTS: 4,
@@ -105,8 +109,9 @@ def ladder(choice: str, inputs: np.ndarray, terms: int) -> List[Recipe]:
     """
     recipes = []
     for rung in CHOICES[choice]:
-        if rung == TERMS:
-            recipes += [Recipe(TERMS, float(count)) for count in range(1, terms + 1)]
+        if rung in SHORT:
+            most = min(terms, inputs.shape[1]) if rung == INPUTS else terms
+            recipes += [Recipe(rung, float(count)) for count in range(1, most + 1)]
             continue
         for setting in SETTINGS[rung]:
             if rung != DIVIDED:

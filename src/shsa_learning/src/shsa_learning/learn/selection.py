@@ -1,6 +1,7 @@
 """The choice of a model: the simplest that is not surely worse than the best, on blocks.
 
-That is by the standard error of the difference, as some blocks are hard for all models.
+That is by the standard error of the difference, as some blocks are hard for all models. Few blocks
+tell that error badly, so it may not be much worse either.
 
 Nested: each outer block is predicted by a model whose form, terms, lags and coefficients were
 chosen without it, so its error is that of the whole procedure.
@@ -13,7 +14,7 @@ from shsa_core.errors import ShsaError
 from shsa_learning.figures import rms
 from shsa_learning.learn.delays import Lag, choose, texts
 from shsa_learning.learn.features import Features
-from shsa_learning.learn.models import LAW, LEVELS, MEAN, TERMS, Recipe, fit
+from shsa_learning.learn.models import LAW, LEVELS, MEAN, SHORT, TERMS, Recipe, fit
 from shsa_learning.learn.short import ShortModels, Sum
 from shsa_learning.learn.table import Fold, blocked, shuffled
 
@@ -21,6 +22,8 @@ OUTER, INNER = 6, 4
 """Blocks: of all rows for the error, and of what is left for the choice."""
 FAILURES = (ShsaError, ValueError, ArithmeticError, np.linalg.LinAlgError)
 """Of a model: it is skipped, and that is told."""
+MOST_WORSE = 0.1
+"""Of the least error: that a model is simpler is worth no more."""
 MOST_UNTOLD = 0.1
 """Of the rows: a model that says nothing of more is no help."""
 
@@ -99,8 +102,8 @@ class Candidates:
         """Fit a recipe to the rows of a fold and predict those of its test; NaN: no prediction."""
         if recipe.rung == LAW:
             return self.laws[recipe.law][fold.test]
-        if recipe.rung == TERMS:
-            return self._sums(choice.shortlist, fold)[int(recipe.setting) - 1]
+        if recipe.rung in SHORT:
+            return self._sums(self._summed(recipe, choice), fold)[int(recipe.setting) - 1]
         inputs = self.ladder.matrix(texts(self.ladder.names, choice.lags))
         known = np.isfinite(inputs).all(axis=1)
         learn, told = fold.train[known[fold.train]], known[fold.test]
@@ -110,6 +113,10 @@ class Candidates:
             result[told] = formula.predict(inputs[fold.test[told]])
         return result
 
+    def _summed(self, recipe: Recipe, choice: Choice) -> Tuple[str, ...]:
+        """Return what a short model may be a sum of."""
+        return choice.shortlist if recipe.rung == TERMS else tuple(self.features.names)
+
     def _sums(self, shortlist: Tuple[str, ...], fold: Fold) -> List[np.ndarray]:
         """Return what the best sum of one term, of two, and so on predicts."""
         key = shortlist, fold.train.tobytes()
@@ -118,21 +125,24 @@ class Candidates:
         said = [
             each.predict(self.features.matrix(each.terms)[fold.test]) for each in self._found[key]
         ]
-        most = int(max(each.setting for each in self.recipes if each.rung == TERMS))
+        most = self._most_terms
         nothing = np.full(len(fold.test), np.nan)
         return said + [said[-1] if said else nothing] * (most - len(said))
 
     def sums(self, shortlist: Sequence[str], rows: np.ndarray) -> List[Sum]:
         """Return the best sum of one term, of two, and so on, fitted to some rows."""
         assert self._short is not None
-        most = int(max(each.setting for each in self.recipes if each.rung == TERMS))
-        return self._short.sums(shortlist, rows, most)
+        return self._short.sums(shortlist, rows, self._most_terms)
+
+    @property
+    def _most_terms(self) -> int:
+        return int(max(each.setting for each in self.recipes if each.rung in SHORT))
 
     def choose(self, rows: np.ndarray) -> Choice:
         """Choose the simplest recipe that is not surely worse than the best, by some rows alone."""
         kinds = {recipe.rung for recipe in self.recipes}
         lags: Tuple[Lag, ...] = (Lag(),) * len(self.ladder.names)
-        if kinds - {MEAN, LAW, TERMS}:
+        if kinds - {MEAN, LAW, *SHORT}:
             lags = choose(self.ladder, rows)
         shortlist: Tuple[str, ...] = ()
         if TERMS in kinds and self._short is not None:
@@ -143,14 +153,20 @@ class Candidates:
         all_ = {recipe: self._errors(recipe, prepared, folds) for recipe in list(self.recipes)}
         errors = {recipe: each for recipe, each in all_.items() if recipe not in self.failed}
         best = min(errors.values(), key=lambda each: float(np.mean(each)))
+        least = float(np.mean(best))
         rungs = [Rung(recipe, *_beside(best, each)) for recipe, each in errors.items()]
         chosen = min(
-            (each for each in rungs if each.rms <= np.mean(best) + each.standard_error),
+            (
+                each
+                for each in rungs
+                if each.rms <= least + min(each.standard_error, MOST_WORSE * least)
+            ),
             key=lambda rung: (*rung.recipe.complexity, rung.rms),
         ).recipe
         terms: Tuple[str, ...] = ()
-        if chosen.rung == TERMS:
-            terms = self.sums(shortlist, rows)[: int(chosen.setting)][-1].terms
+        if chosen.rung in SHORT:
+            summed = self._summed(chosen, prepared)
+            terms = self.sums(summed, rows)[: int(chosen.setting)][-1].terms
         return Choice(chosen, lags, shortlist, terms, tuple(rungs))
 
     def _errors(self, recipe: Recipe, prepared: Choice, folds: Sequence[Fold]) -> List[float]:
