@@ -38,7 +38,7 @@ class Pair:
         self.answers, self.asked, self.lost = True, 0, 0
         self.heard: List[Failure] = []
         challenger = self.ours._challenger
-        challenger._find, challenger._call = lambda node: f"http://pi:1{node}"[:11], self.call
+        challenger.find, challenger.call = lambda node: f"http://pi:1{node}"[:11], self.call
         checked = self.ours.checked("failures", Failure)
         self.ours.subscribe("failures", checked, self.heard.append, self.lose)
         self.sign = self.theirs.signer("failures", Failure)
