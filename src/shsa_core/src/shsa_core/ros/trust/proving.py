@@ -16,7 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
 from shsa_core.ros.trust.places import master_seen
 from shsa_core.text import shown
-from shsa_core.trust.computers import Met, NoAnswer
+from shsa_core.trust.boots import Met, NoAnswer
 from shsa_core.trust.proof import Place, Proof, WrongSecret, read, written
 
 METHOD = "proveSecret"
