@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from shsa_core.cli.main import main
+from shsa_core.cli.main import ELSEWHERE, main
 
 HERE = pathlib.Path(__file__).resolve().parent
 MODELS = ["--ontology", str(HERE / "data/boat.yaml"), "--som", str(HERE / "data/boat_som.yaml")]
@@ -56,6 +56,15 @@ def found(shsa: Shsa) -> Found:
         return status, json.loads(out)
 
     return run
+
+
+def test_a_command_of_a_package_that_is_not_installed_says_so(
+    monkeypatch: Any, capsys: Any
+) -> None:
+    monkeypatch.setitem(ELSEWHERE, "nothing", "no_such_package")
+    assert main(["nothing", "/odom", "stuck", "--for", "5s"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "needs the package no_such_package" in said
 
 
 def test_find_prints_what_a_program_needs(found: Found) -> None:

@@ -17,6 +17,18 @@ from shsa_core import __version__
 from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
+ELSEWHERE = {
+    **dict.fromkeys(
+        (
+            *("accept", "add", "backtest", "doctor", "explain", "find", "import"),
+            *("init", "learn", "maintenance", "plot", "replay", "report"),
+        ),
+        "shsa_learning",
+    ),
+    **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
+    "top": "shsa_view",
+}
+"""The packages of commands that need not be installed: for those who look for one."""
 DONE, NO, WRONG = 0, 1, 2  # exit statuses
 INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the shell tells them
 
@@ -56,7 +68,7 @@ def command_line(only: str = "") -> Tuple[argparse.ArgumentParser, Dict[str, Any
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND")
     subparsers.required = True
     commands: Dict[str, Any] = {}
-    missing: Dict[str, str] = {}
+    missing = {name: f"the package {package}" for name, package in ELSEWHERE.items()}
     modules = _modules()
     for name, module in [(only, modules[only])] if only in modules else sorted(modules.items()):
         try:
@@ -66,6 +78,7 @@ def command_line(only: str = "") -> Tuple[argparse.ArgumentParser, Dict[str, Any
             continue
         command.add_parser(subparsers)
         commands[name] = command
+        missing.pop(name, None)
     return parser, commands, missing
 
 
