@@ -4,10 +4,10 @@
 here, and is needed there; a hot substitute stands by there. Prints one JSON object: for each topic,
 as its consumer hears it, the longest `gap` in s during the cut, and `overlap`, from the first
 message of the original that is heard after the cut, backlog or not, to the departure of the last
-one of the substitute; `near_here`, the same for the consumer of /near on our side; `late`,
-messages older than 0.25 s of both, that the cut had kept back; `after`, who publishes each topic
-for a second after all; `spared`: whether the originals run. With --restart, the reconfigurator is
-killed during the cut. Needs the right to make namespaces.
+one of the substitute that does not fill in for a pause of it; `near_here`, the same for the
+consumer of /near on our side; `late`, messages older than 0.25 s of both, that the cut had kept
+back; `after`, who publishes each topic for a second after all; `spared`: whether the originals run.
+With --restart, the reconfigurator is killed during the cut. Needs the right to make namespaces.
 """
 import argparse
 import json
@@ -15,8 +15,9 @@ import signal
 import subprocess
 import sys
 import time
+from bisect import bisect
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Tuple
+from typing import Dict, List, NamedTuple, Set, Tuple
 
 import rosgraph
 import rospy
@@ -28,6 +29,7 @@ from shsa_testing.computers import Computer
 from shsa_testing.graph import node_process
 from shsa_testing.waiting import wait_until
 
+PERIOD_S = 0.02
 LATE_S = 0.25
 SETTLED_S = 3.0
 QUIET_S = 1.0
@@ -60,6 +62,11 @@ class Heard(NamedTuple):
     at: float
     node: str
     age: float
+
+    @property
+    def sent(self) -> float:
+        """Return when it was sent."""
+        return self.at - self.age
 
 
 class Consumer:
@@ -99,11 +106,11 @@ def models(folder: Path) -> Dict[str, str]:
     def hot(topic: str, host: str, other: str) -> Dict[str, object]:
         """Return a topic that comes from one computer, and has a substitute on the other."""
         more = {"needed": True, "standby": "hot", "placement": {"prefer": [other]}}
-        return {**service(topic, ORIGINALS[topic], 0.02, host=host), **more}
+        return {**service(topic, ORIGINALS[topic], PERIOD_S, host=host), **more}
 
     services = {
-        "source": service("/source", "/source_node", 0.02, host="own"),
-        "far_source": service("/far_source", "/far_source_node", 0.02, host="far"),
+        "source": service("/source", "/source_node", PERIOD_S, host="own"),
+        "far_source": service("/far_source", "/far_source_node", PERIOD_S, host="far"),
         "first": hot(FIRST, "far", "own"),
         "near": hot(NEAR, "own", "far"),
     }
@@ -140,11 +147,25 @@ def start(graph: Graph, far: Computer) -> "List[subprocess.Popen[str]]":
     return originals
 
 
+def spoken_beside(heard: List[Heard], original: str) -> List[Heard]:
+    """Return the messages of others that do not fill in for an original that pauses."""
+    came = sorted(each.at for each in heard if each.node == original)
+    others = [each for each in heard if each.node != original]
+    last = lambda each: came[bisect(came, each.sent) - 1 :][:1]
+    return [e for e in others if any(0.0 <= e.sent - at < PERIOD_S for at in last(e))]
+
+
+def publishers(heard: List[Heard], original: str, since: float) -> Set[str]:
+    """Return who publishes since a moment, but for those that only fill in."""
+    told = spoken_beside(heard, original) + [each for each in heard if each.node == original]
+    return {each.node for each in told if each.at > since}
+
+
 def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[str, float]:
     """Return the cut as a consumer heard it."""
     times = [down, *(each.at for each in heard if down < each.at < up), up]
     back = [each.at for each in heard if each.node == original and each.at > up]
-    others = [each.at - each.age for each in heard if each.node != original and each.at > up]
+    others = [each.sent for each in spoken_beside(heard, original) if each.at > up]
     overlap = max(others, default=0.0) - min(back) if back else -1.0
     return {
         "gap": round(max(b - a for a, b in zip(times, times[1:])), 3),
@@ -187,8 +208,8 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
         since = time.monotonic() - QUIET_S
         alone = True
         for heard, topic in ((there.heard, NEAR), (here.heard, FIRST), (beside.heard, NEAR)):
-            names = {each.node for each in heard if each.at > since}
-            alone = alone and names == {ORIGINALS[topic]}
+            original = ORIGINALS[topic]
+            alone = alone and publishers(heard, original, since) == {original}
         return alone and all(not row.publishing for row in healing.substitutions)
 
     wait_until(settled, HEALED_S, "one publisher each")
@@ -204,7 +225,7 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
     )
     for name, heard, topic in consumers:
         found[name] = figures(heard, ORIGINALS[topic], down, up)
-        after[name] = sorted({each.node for each in heard if each.at > end - QUIET_S})
+        after[name] = sorted(publishers(heard, ORIGINALS[topic], end - QUIET_S))
         late += sum(each.age > LATE_S for each in heard if each.at > up)
     found.update(after=after, late=late)
     found["spared"] = all(each.poll() is None for each in originals)

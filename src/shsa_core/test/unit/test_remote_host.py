@@ -10,7 +10,7 @@ from shsa_msgs import msg  # noqa: E402
 
 from shsa_core.healing import events  # noqa: E402
 from shsa_core.healing.events import Where  # noqa: E402
-from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written  # noqa: E402
+from shsa_core.hosts.conversation import COMMANDS, EVENTS, HostEvent  # noqa: E402
 from shsa_core.hosts.conversation import AgentEnd, RemoteHost  # noqa: E402
 from shsa_core.ros.settings import LOST_BEATS, RETURN_BEATS, TICK_S, TURN_S  # noqa: E402
 
@@ -32,7 +32,7 @@ class Cable:
 
     def command(self, **fields: Any) -> None:
         if self.whole and self.agent.hear(msg.HostCommand(**fields), self.now):
-            self.done.append(read(COMMANDS, fields["command"], "test"))
+            self.done.append(COMMANDS.from_text(fields["command"], "test", "it"))
 
     def say(self, text: str) -> None:
         if self.whole:
@@ -52,7 +52,7 @@ class Cable:
 
     def tell(self, event: HostEvent) -> None:
         self.agent.said += 1
-        self.say(written(EVENTS, event))
+        self.say(EVENTS.to_text(event))
 
     def pass_time(self, seconds: float) -> None:
         end = self.now + seconds
@@ -188,7 +188,7 @@ def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None
 
 
 def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
-    text = written(COMMANDS, events.EndProcess("/a"))
+    text = COMMANDS.to_text(events.EndProcess("/a"))
     number = cable.agent.heard + 1
     late = msg.HostCommand(session=cable.agent.session, number=number, command=text)
     cable.now += PATIENCE + 0.1
@@ -199,14 +199,14 @@ def test_what_was_kept_back_on_a_cut_cable_is_refused(cable: Cable) -> None:
 
 
 def test_what_a_stranger_repeats_changes_nothing(cable: Cable) -> None:
-    text = written(COMMANDS, events.EndProcess("/a"))
+    text = COMMANDS.to_text(events.EndProcess("/a"))
     cable.host.carry_out(events.EndProcess("/a"), cable.now)
     cable.tell(events.NodeLeft(0.0, "/a"))
     ours = msg.HostCommand(session=cable.agent.session, number=2, command=text)
     done, session = list(cable.done), cable.agent.session
     assert ours.number == cable.agent.heard and not cable.agent.hear(ours, cable.now)
     cable.take(events.NodeLeft)
-    cable.say(written(EVENTS, events.NodeLeft(0.0, "/a")))
+    cable.say(EVENTS.to_text(events.NodeLeft(0.0, "/a")))
     cable.pass_time(0.5)
     assert cable.done == done and not cable.take(events.NodeLeft)
     assert cable.host.is_reached and cable.agent.session == session

@@ -12,7 +12,7 @@ from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.trust import places
 from shsa_core.ros.trust.signing import SENDERS, Refusals, Signing
-from shsa_core.trust.computers import Computer
+from shsa_core.trust.boots import Boot
 from shsa_core.trust.seal import (
     AHEAD_NS,
     FOREIGN,
@@ -38,7 +38,7 @@ class Bench:
         self.verifier = self.reader()
 
     def reader(self) -> Verifier:
-        return Verifier(KEY, "/topic", {BOOT: Computer(BOOT)}.get, lambda: self.now)
+        return Verifier(KEY, "/topic", {BOOT: Boot(BOOT)}.get, lambda: self.now)
 
     def message(self, text: bytes = b"text", key: bytes = KEY, topic: str = "/topic") -> bytes:
         self.now += 1000

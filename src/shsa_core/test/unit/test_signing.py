@@ -13,7 +13,7 @@ from shsa_core.ros import diagnostics
 from shsa_core.ros.master.node_api import Answer
 from shsa_core.ros.trust import places, signing
 from shsa_core.ros.trust.signing import SENDERS, Signing
-from shsa_core.trust.computers import Met
+from shsa_core.trust.boots import Met
 from shsa_core.trust.proof import Proof, written
 from shsa_core.trust.seal import FOREIGN, TWICE
 
@@ -38,7 +38,7 @@ class Pair:
         self.answers, self.asked, self.lost = True, 0, 0
         self.heard: List[Failure] = []
         challenger = self.ours._challenger
-        challenger._find, challenger._call = lambda node: f"http://pi:1{node}"[:11], self.call
+        challenger.find, challenger.call = lambda node: f"http://pi:1{node}"[:11], self.call
         checked = self.ours.checked("failures", Failure)
         self.ours.subscribe("failures", checked, self.heard.append, self.lose)
         self.sign = self.theirs.signer("failures", Failure)
@@ -87,7 +87,7 @@ def test_the_first_message_of_another_computer_is_not_lost(pair: Pair) -> None:
     assert not pair.refused() and pair.lost == 0
     for each in pair.heard:
         assert abs(each.sent_here - time.monotonic_ns()) < AWAIT_S * 1e9
-    (seen,) = pair.ours.computers.seen()
+    (seen,) = pair.ours.boots.seen()
     assert seen.address == "pi" and abs(seen.ahead) < AWAIT_S * 1e9
     names = [thread.name for thread in threading.enumerate()]
     assert "clocks" in names
@@ -98,7 +98,7 @@ def test_one_computer_alone_asks_nobody(pair: Pair) -> None:
     pair.sign = pair.ours.signer("failures", Failure)
     pair.send(pair.message("/odom"))
     assert len(pair.heard) == 1 and pair.asked == 0 and threading.active_count() == before
-    assert pair.ours.computers.seen() == []
+    assert pair.ours.boots.seen() == []
 
 
 def test_what_may_have_been_right_is_told_as_lost(pair: Pair) -> None:

@@ -26,7 +26,7 @@ def slow(target: Target, end: float) -> int:
 def _held(at: Callable[[str], Tuple[str, int]], end: float, begin: bytes) -> int:
     places = itertools.cycle([at(each) for each in HEALERS])
     count, opened = 0, []
-    while time.monotonic() < end:
+    while not count or time.monotonic() < end:
         with suppress(OSError):
             opened.append(socket.create_connection(next(places), 1.0))
             opened[-1].sendall(begin + bytes(10_000))

@@ -16,6 +16,7 @@ HEALERS = "/monitor", "/reconfigurator"
 GATE = "/gated_gate"
 PART = re.compile("/(monitor|reconfigurator|view|gated_gate|substitute_.*)$")
 FLOOD_THREADS = 8
+ASKED_S = 20.0
 LENGTH = struct.Struct("<I")
 ERRORS = (OSError, xmlrpc.client.Error, http.client.HTTPException, rosgraph.MasterException)
 Try = Callable[[], object]
@@ -45,10 +46,17 @@ class Target:
         return "127.0.0.1", int(self.uris[node].rstrip("/").rsplit(":", 1)[1])
 
     def data(self, node: str) -> Tuple[str, int]:
-        """Return where a healer's topics are to be had."""
+        """Return where a healer's topics are to be had; ask again while others attack it."""
         api: Any = xmlrpc.client.ServerProxy(self.uris[node])
         topic = "/shsa/health" if node == "/monitor" else "/shsa/substitutions"
-        return "127.0.0.1", int(api.requestTopic("/stranger", topic, [["TCPROS"]])[2][2])
+        last = time.monotonic() + ASKED_S
+        while True:
+            try:
+                return "127.0.0.1", int(api.requestTopic("/stranger", topic, [["TCPROS"]])[2][2])
+            except ERRORS:
+                if time.monotonic() > last:
+                    raise
+                time.sleep(0.1)
 
 
 def flood(tries: Callable[[str], Try], end: float, target: Target) -> int:

@@ -243,10 +243,8 @@ class Gate:
         return self._pass(newest, time, stamp)
 
     def _stamp_of(self, newest: Arrived, time: float) -> int:
-        """Return a stamp newer than any before, and no newer than that of the missing message.
-
-        Else a node whose stamps are older than its substitute's could never return.
-        """
+        """Return a stamp newer than any before, and no newer than that of the missing message."""
+        # Else a node whose stamps are older than its substitute's could never return.
         original, period, wanted = self._original, self._service.period, newest.message.stamp
         if not wanted:
             return 0

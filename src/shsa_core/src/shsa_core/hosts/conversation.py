@@ -1,5 +1,6 @@
-"""Both ends of the conversation with the agent of another computer, over a line that may be cut.
+"""Commands to one computer and its events, and the conversation about them with an agent.
 
+Each is one line of JSON, and the line to another computer may be cut.
 It begins when the agent is heard, and again when that was silent or was started anew, or when
 something was lost: both ends number what they say. It counts once both have heard each other. What
 is wanted of a computer that cannot be reached is answered at once, with what is known of it:
@@ -8,14 +9,21 @@ nothing. Times in s, on one clock.
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple, Type
+from typing import Union
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
-from shsa_core.hosts.commands import COMMANDS, EVENTS, HostCommand, HostEvent, not_done, read
-from shsa_core.hosts.commands import written
+from shsa_core.journal.codec import Codec
 from shsa_core.watch import Watch
 
+HostCommand = Union[events.NodeCommand, events.WatchNodes]
+HostEvent = events.NodeEvent
+COMMANDS, EVENTS = Codec(HostCommand), Codec(HostEvent)
+Tell = Callable[[HostEvent], None]
+"""Is told an event, from any thread; waits for nobody."""
+CarryOut = Callable[[HostCommand], object]
+"""Begins to carry out a command, and waits for nobody; what fails is answered by an event."""
 Message = Any
 """A HostCommand or a HostEvent of shsa_msgs."""
 ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
@@ -27,6 +35,19 @@ ANSWERS: Mapping[Type[Any], Tuple[Type[Any], ...]] = {
     events.RestartNode: (events.NodeRestarted, events.RestartFailed),
 }
 """Commands that somebody waits for the answer of."""
+
+
+def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
+    """Return the answer to a command that cannot be carried out; None: it needs none."""
+    if isinstance(command, events.LearnNode):
+        return events.NodeLearned(now, command.node, False)
+    if isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
+        return events.ProcessUntouchable(now, command.node, why)
+    if isinstance(command, events.StartSubstitute):
+        return events.ProcessExited(now, command.node, why, False)
+    if isinstance(command, events.RestartNode):
+        return events.RestartFailed(now, command.node, why)
+    return None
 
 
 class RemoteHost:
@@ -108,7 +129,7 @@ class RemoteHost:
             self._tell(self.seen)
             return
         with suppress(ModelError):
-            event = read(EVENTS, message.event, f"the agent of {self.name}")
+            event = EVENTS.from_text(message.event, f"the agent of {self.name}", "what it said")
             self._tell(self._ours(event, now))
 
     def tick(self, now: float, step: float) -> None:
@@ -172,7 +193,7 @@ class RemoteHost:
         if not isinstance(command, events.WatchNodes) and type(command) in ANSWERS:
             self._waits[type(command), command.node] = command
         self._said += 1
-        self._say(written(COMMANDS, command))
+        self._say(COMMANDS.to_text(command))
 
     def _say(self, text: str) -> None:
         self._publish(command=text, session=self._session, number=self._said)

@@ -6,6 +6,7 @@ import base64
 import collections.abc
 import dataclasses
 import enum
+import json
 from functools import lru_cache
 from math import inf, isfinite, nan
 from operator import attrgetter
@@ -82,6 +83,17 @@ class Codec:
             return self._read(data, what)
         except _Refused as refused:
             raise ModelError(where, str(refused)) from refused
+
+    def to_text(self, value: Any) -> str:
+        """Return the value as one line of JSON. Raises TypeError as `encode` does."""
+        return json.dumps(self.encode(value))
+
+    def from_text(self, text: str, where: str, what: str) -> Any:
+        """Return the value of which `to_text` made a text. Raises ModelError if there is none."""
+        try:
+            return self.decode(json.loads(text), where, what)
+        except (ValueError, RecursionError) as error:
+            raise ModelError(where, f"{what} is no JSON: {error}") from error
 
 
 class _Refused(Exception):

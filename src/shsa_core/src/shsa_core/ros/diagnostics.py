@@ -27,7 +27,7 @@ from shsa_core.ros.node import publish
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.text import shown
-from shsa_core.trust.computers import Met
+from shsa_core.trust.boots import Met
 
 BRIDGED, DUTIES, WEAKENED = "times bridged", "its node also", "allows more than the SOM file"
 """Keys of a service's row: late messages filled in for, duties, what live parameters allow."""
@@ -70,7 +70,7 @@ class Diagnostics:
             rows.append(refused_row(self._signing.refusals.counts()))
             level = ERROR if self._companion.problem else OK
             rows.append(_row(self._companion.role, level, self._companion.told))
-            rows += map(computer_row, self._signing.computers.seen())
+            rows += map(computer_row, self._signing.boots.seen())
             for row in rows:
                 row.name = f"{rospy.get_name()[1:]}: {row.name}"
             header = Header(stamp=rospy.Time.now())

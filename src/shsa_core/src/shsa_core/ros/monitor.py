@@ -10,6 +10,7 @@ import argparse
 import sys
 from collections import deque
 from functools import partial
+from operator import attrgetter
 from typing import Deque, Dict, List, Optional
 
 import rospy
@@ -76,9 +77,8 @@ class MonitorNode:
         self._health = TablePublisher(
             health, msg.Health, "publishers", wire.health_row_key, signing
         )
-        key = wire.calibration_row_key
         self._calibrations = TablePublisher(
-            calibrations, msg.Calibrations, "calibrations", key, signing
+            calibrations, msg.Calibrations, "calibrations", attrgetter("key"), signing
         )
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,

@@ -24,7 +24,7 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
-from shsa_core.hosts.commands import HostCommand
+from shsa_core.hosts.conversation import HostCommand
 from shsa_core.journal.record_file import RecordFile
 from shsa_core.model.log import Level
 from shsa_core.model.names import file_name

@@ -158,10 +158,7 @@ class Services:
 
 
 def _one_message(service: Service) -> bytes:
-    """The next message of a service, serialized; empty if another one comes, or none in time.
-
-    The monitor sends the last message of what has failed, and this has not.
-    """
+    """Return the next message, which no monitor sends; empty if another comes, or none in time."""
     with suppress(rospy.ROSException):
         message = rospy.wait_for_message(service.topic, rospy.AnyMsg, settings.CALL_S)
         header = message._connection_header

@@ -303,10 +303,7 @@ def _paths(text: str) -> Tuple[str, ...]:
 
 
 def _row(inputs: str, code: str, outputs: str) -> Substitution:
-    """Return the row of three strings; it is muted at first if their signals came with them.
-
-    Else somebody has started it by hand: SOM and graph are asked.
-    """
+    """Return the row of three strings, muted at first unless somebody has started it by hand."""
     paths, text = (_paths(inputs), _paths(outputs)), os.environ.get(VARIABLE)
     if text is not None:
         signals = decode(text)

@@ -1,5 +1,4 @@
 """Signals as text: so they travel to a substitute beside its three strings."""
-import json
 import math
 from typing import Sequence, Tuple
 
@@ -30,16 +29,16 @@ _CODEC = Codec(Tuple[Signals, Signals])
 
 def encode(inputs: Sequence[Signal], outputs: Sequence[Signal]) -> str:
     """Return the signals that a substitute reads and writes, as the text of VARIABLE."""
-    return json.dumps(_CODEC.encode((tuple(inputs), tuple(outputs))))
+    return _CODEC.to_text((tuple(inputs), tuple(outputs)))
 
 
 def decode(text: str) -> Tuple[Signals, Signals]:
     """Return the inputs and outputs in a text of `encode`. Raises ShsaError if it is none."""
     try:
-        inputs, outputs = _CODEC.decode(json.loads(text), VARIABLE, "the value")
+        inputs, outputs = _CODEC.from_text(text, VARIABLE, "the value")
         for signal in (*inputs, *outputs):
             parse_field(checked(signal).field)
-    except (ValueError, RecursionError, ShsaError) as error:
+    except ShsaError as error:
         raise ShsaError(f"{VARIABLE} holds no signals: {error}") from error
     return inputs, outputs
 

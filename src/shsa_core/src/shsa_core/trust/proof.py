@@ -1,6 +1,5 @@
 """The proof of a node that it holds the secret, and uses a master: text, signed with a nonce."""
 import hmac
-import json
 from dataclasses import dataclass
 from typing import FrozenSet, Sequence
 
@@ -58,7 +57,7 @@ _CODEC = Codec(Proof)
 
 def written(secret: bytes, asked: str, proof: Proof) -> Sequence[str]:
     """Write the proof that answers a nonce: its text, and the signature."""
-    text = json.dumps(_CODEC.encode(proof))
+    text = _CODEC.to_text(proof)
     return [text, _signature(secret, asked, text)]
 
 
@@ -71,8 +70,8 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
     if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
         raise WrongSecret("its secret is another than ours")
     try:
-        found: Proof = _CODEC.decode(json.loads(text), "proof", "the proof")
-    except (ValueError, RecursionError, ShsaError) as error:
+        found: Proof = _CODEC.from_text(text, "proof", "the proof")
+    except ShsaError as error:
         raise ShsaError("its proof is of another version") from error
     return found
 

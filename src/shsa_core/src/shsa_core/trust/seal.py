@@ -5,7 +5,7 @@ made of the secret and that boot. It stands for the present boot of a computer a
 master: what was said in another boot, or to another robot's healing, is worth nothing here. `sent`
 is on the monotonic clock, which all processes of a computer share, and which neither jumps nor goes
 back: so a restarted sender is always ahead of what it said before. What another computer says is
-believed once it has proved itself, and its clock was compared with ours (`computers`).
+believed once it has proved itself, and its clock was compared with ours (`boots`).
 """
 import heapq
 import hmac
@@ -14,7 +14,7 @@ import threading
 from typing import Callable, List, Optional, Set, Tuple
 from weakref import WeakKeyDictionary
 
-from shsa_core.trust.computers import Computer
+from shsa_core.trust.boots import Boot
 
 BOOT_B = 16
 SIGNATURE_B = 32
@@ -36,7 +36,7 @@ AT_ONCE_NS = 1_000_000_000
 REMEMBERED = 4096
 """So many signatures a reader knows again; what is older than the oldest is refused as well."""
 
-Find = Callable[[bytes], Optional[Computer]]
+Find = Callable[[bytes], Optional[Boot]]
 """The computer that has proved that a boot is its own."""
 
 
@@ -69,7 +69,7 @@ class Verifier:
     def __init__(self, secret: bytes, topic: str, find: Find, clock: Callable[[], int]) -> None:
         self._secret, self._topic, self._find, self._clock = secret, topic, find, clock
         self._began = clock()
-        self._senders: "WeakKeyDictionary[Computer, _Sender]" = WeakKeyDictionary()
+        self._senders: "WeakKeyDictionary[Boot, _Sender]" = WeakKeyDictionary()
         self._lock = threading.Lock()
 
     def refusal(self, data: bytes) -> str:
@@ -98,7 +98,7 @@ class Verifier:
         with self._lock:
             return sender.refusal(sent, signature, now)
 
-    def _sender(self, computer: Computer) -> Optional["_Sender"]:
+    def _sender(self, computer: Boot) -> Optional["_Sender"]:
         """Return its sender; None: its clock was not compared since we began."""
         with self._lock:
             sender = self._senders.get(computer)

@@ -16,11 +16,10 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core.errors import ModelError, ShsaError
-from shsa_core.hosts.commands import COMMANDS, EVENTS, HostEvent, read, written
-from shsa_core.hosts.conversation import AgentEnd
+from shsa_core.hosts.conversation import COMMANDS, EVENTS, AgentEnd, HostEvent
 from shsa_core.model.names import Names
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.load import Load
+from shsa_core.ros.agent.all_hosts import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
@@ -95,7 +94,7 @@ class AgentNode:
             wanted = self._end.hear(message, clock.now())
         if wanted:
             try:
-                self._host.carry_out(read(COMMANDS, message.command, rospy.get_name()))
+                self._host.carry_out(COMMANDS.from_text(message.command, rospy.get_name(), "this"))
             except ModelError as error:
                 rospy.logerr("Refused a command: %s.", error)
 
@@ -104,7 +103,7 @@ class AgentNode:
         with self._lock:
             if self._end.is_open(clock.now()):
                 self._end.said += 1
-                self._say(written(EVENTS, event))
+                self._say(EVENTS.to_text(event))
 
     def _beat(self) -> None:
         self._load.look(clock.now())

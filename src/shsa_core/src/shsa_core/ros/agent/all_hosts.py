@@ -3,14 +3,13 @@ import threading
 from contextlib import suppress
 from typing import Callable, Dict, Iterable, List
 
+import psutil
 import rospy
 from shsa_msgs import msg
 
 from shsa_core.healing import events
-from shsa_core.hosts.commands import CarryOut, HostCommand
-from shsa_core.hosts.conversation import RemoteHost
+from shsa_core.hosts.conversation import CarryOut, HostCommand, RemoteHost
 from shsa_core.ros import clock, settings
-from shsa_core.ros.agent.load import Load
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
@@ -140,3 +139,34 @@ class AllHosts:
                 load = self._load.busy, self._load.cores, self._load.sent, self._load.received
                 self._tell(events.HostSeen(now, self._own, *load))
             rospy.rostime.wallsleep(settings.TURN_S)
+
+
+class Load:
+    """The load at the last look.
+
+    `busy`: busy cores, of `cores`. `sent`, `received`: bytes/s on all networks but the computer's
+    own.
+    """
+
+    def __init__(self) -> None:
+        self.cores = float(psutil.cpu_count() or 1)
+        self.busy = self.sent = self.received = 0.0
+        psutil.cpu_percent()
+        self._looked = float("-inf")
+        self._counted = _counters()
+
+    def look(self, now: float) -> None:
+        """Look, if it is time to; `now`: s."""
+        elapsed = now - self._looked
+        if elapsed < settings.LOOK_S:
+            return
+        counted, before = _counters(), self._counted
+        self.busy = psutil.cpu_percent() / 100.0 * self.cores
+        self.sent, self.received = ((new - old) / elapsed for new, old in zip(counted, before))
+        self._looked, self._counted = now, counted
+
+
+def _counters() -> List[int]:
+    """Bytes sent and received so far."""
+    links = [each for name, each in psutil.net_io_counters(pernic=True).items() if name != "lo"]
+    return [sum(each.bytes_sent for each in links), sum(each.bytes_recv for each in links)]

@@ -250,12 +250,10 @@ class MasterWatch:
     def _tell_subscribers(
         self, answers: Iterable[Tuple[Registration, Any]], present: Graph, said: Collection[str]
     ) -> None:
-        """Tell subscribers of those who have registered with the new master before them.
-
-        With those who are to be registered yet: roscpp drops all that it is not told of.
-        """
+        """Tell subscribers of those who have registered with the new master before them."""
         former = self._former or present
         known = {topic for topic, _ in present.parts[Part.PUBLISHER]}
+        # And of those who are to be registered yet: roscpp drops all that it is not told of.
         awaited = former.nodes.keys() - self._settled.union(said)
         for new, uris in answers:
             if new.part is Part.SUBSCRIBER and new.name in known and isinstance(uris, list):

@@ -91,30 +91,18 @@ def ask(uri: str, method: str, *arguments: Any) -> Any:
 
 def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
     """Return the same, with its times: the connection was made before. Raises one of FAILURES."""
-    answer, asked, answered = _call(uri, method, *arguments)
-    if not isinstance(answer, (list, tuple)) or len(answer) != 3 or not _is_int(answer[0]):
-        raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
-    if answer[0] != 1:
-        raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
-    return Answer(answer[2], asked, answered)
-
-
-def bus_stats(uri: str) -> Answer:
-    """Return what a node counts of its connections. Raises one of FAILURES.
-
-    Of its answer to getBusStats; roscpp leaves out the status that other answers begin with.
-    """
-    answer, asked, answered = _call(uri, "getBusStats")
-    if not isinstance(answer, (list, tuple)) or not answer:
-        raise BadAnswer(f"{uri} answers getBusStats with {_short(answer)}")
-    return Answer(answer[2] if _is_int(answer[0]) and len(answer) == 3 else answer, asked, answered)
-
-
-def _call(uri: str, method: str, *arguments: Any) -> Answer:
     transport = _Transport(settings.CALL_S, LARGEST_ANSWER_B)
     api = xmlrpc.client.ServerProxy(located(uri), transport=transport)
     answer = getattr(api, method)(rospy.get_name(), *arguments)
-    return Answer(answer, transport.connected, time.monotonic_ns())
+    answered = time.monotonic_ns()
+    is_row = isinstance(answer, (list, tuple)) and len(answer) > 0
+    if method == "getBusStats" and is_row and not _is_int(answer[0]):
+        answer = 1, "", answer  # roscpp leaves out the status
+    if not is_row or len(answer) != 3 or not _is_int(answer[0]):
+        raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
+    if answer[0] != 1:
+        raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
+    return Answer(answer[2], transport.connected, answered)
 
 
 def pid(uri: str) -> int:
@@ -289,7 +277,7 @@ def between(first: Sent, second: Sent) -> Optional[float]:
 
 def _look(uri: str, topic: str) -> Union[Sent, OSError, None]:
     try:
-        return sent(bus_stats(uri), topic)
+        return sent(ask_timed(uri, "getBusStats"), topic)
     except OSError as error:
         return error
     except FAILURES:
@@ -311,7 +299,7 @@ class Originals:
         seen = self._seen.pop(original, None)  # else the master is asked again
         try:
             uri, ends = seen or (master_api().lookupNode(original), {})
-            stats = sent(bus_stats(uri), topic)
+            stats = sent(ask_timed(uri, "getBusStats"), topic)
             if stats is None:
                 return None
             served = {number for number, count in stats.messages.items() if count}

@@ -26,11 +26,7 @@ EVERYBODY = ""
 
 
 class _Channel:
-    """The messages to the connections of one subscriber, or of all who are told everything.
-
-    `began` and `sequence` are never the same for two messages: what a connection of it is sent
-    cannot be taken for another one later.
-    """
+    """The messages to one subscriber, or to all who are told everything; no two have one number."""
 
     def __init__(self, to: str = EVERYBODY, concerns: Concerns = lambda row, rows: True) -> None:
         self.to, self.concerns = to, concerns
@@ -221,10 +217,7 @@ class TableSubscriber:
                 self._miss()
 
     def _is_late(self, message: Any) -> bool:
-        """Return whether a message is known; it may come by two connections, or be kept back.
-
-        Of two who send the table, the one counts that is heard last, as long as it can be followed.
-        """
+        """Return whether a message is known; it may come by two connections, or be kept back."""
         if self._signing is not None:
             boot, sent, here = self._sent
             same = message.boot == boot

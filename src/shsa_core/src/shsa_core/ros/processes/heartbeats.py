@@ -128,11 +128,8 @@ def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
 
 
 def _address(role: str) -> str:
-    """Return a socket for each master, namespace and role, in a folder that only our user writes.
-
-    In the system's own space, without a folder, anybody could take its name, or fill its queue.
-    Raises OSError.
-    """
+    """Return a socket for each master, namespace and role. Raises OSError."""
+    # In the system's own space, without our folder, anybody could take its name, or fill its queue.
     place = f"{master_place()} {rospy.get_namespace()} {role}"
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")

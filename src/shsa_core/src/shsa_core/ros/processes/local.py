@@ -17,7 +17,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.healing.settings import LEAVE_S
-from shsa_core.hosts.commands import HostCommand, Tell, not_done
+from shsa_core.hosts.conversation import HostCommand, Tell, not_done
 from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, ask, master_api, rate, resolved, uri_of
 from shsa_core.ros.processes import kernel, priority

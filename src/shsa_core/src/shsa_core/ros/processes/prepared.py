@@ -86,10 +86,7 @@ def _begin(order: Dict[str, Any]) -> None:
 
 
 def _rename(words: List[str]) -> None:
-    """Show words as our command line, by which others know us. Raises OSError: no room for them.
-
-    The last one comes first: that is the name of the node.
-    """
+    """Show words as our command line, the node's name first. Raises OSError: no room for them."""
     with open("/proc/self/stat", "rb") as stat:
         start, end = (int(each) for each in stat.read().rsplit(b")", 1)[1].split()[45:47])
     with open("/proc/self/cmdline", "rb") as file:

@@ -8,6 +8,7 @@ wake for each.
 import socket
 import struct
 import time
+from contextlib import suppress
 from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 import rospy
@@ -34,7 +35,9 @@ class Connection:
         self.transport, self.uri = transport, str(transport.endpoint_id)
         self.header: Dict[str, str] = transport.header
         self.descriptor: int = connected.fileno()
-        self.host, self.at = _peer(connected), ""
+        self.host = self.at = ""
+        with suppress(OSError):  # it has gone already
+            self.host = str(connected.getpeername()[0])
         self.is_known = self.is_large = False
         self.wakes = True
         self.frames = Frames()
@@ -74,14 +77,6 @@ class Connection:
         """Say why its messages are not read, now and then."""
         text = f"What {self.publisher} publishes on {self.topic} is not read: {problem}"
         rospy.logwarn_throttle_identical(60.0, text)
-
-
-def _peer(connected: socket.socket) -> str:
-    """Return the address of the other end; empty if it has gone already."""
-    try:
-        return str(connected.getpeername()[0])
-    except OSError:
-        return ""
 
 
 _WASTE = bytearray(settings.LARGEST_DROP_B)

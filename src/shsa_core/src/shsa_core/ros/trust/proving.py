@@ -7,6 +7,7 @@ import re
 import secrets
 import socket
 import time
+from dataclasses import dataclass
 from typing import Any, Callable, Sequence, Tuple
 
 from rospy.impl.masterslave import ROSHandler
@@ -15,7 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
 from shsa_core.ros.trust.places import master_seen
 from shsa_core.text import shown
-from shsa_core.trust.computers import Met, NoAnswer
+from shsa_core.trust.boots import Met, NoAnswer
 from shsa_core.trust.proof import Place, Proof, WrongSecret, read, written
 
 METHOD = "proveSecret"
@@ -23,6 +24,7 @@ NONCE_B = 16
 NONCE = re.compile(f"[0-9a-f]{{{2 * NONCE_B}}}")
 
 
+@dataclass
 class Challenger:
     """Asks nodes to prove that they hold the secret and use our master.
 
@@ -31,34 +33,29 @@ class Challenger:
     one, in ns.
     """
 
-    def __init__(
-        self,
-        secret: bytes,
-        find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node)),
-        call: Callable[[str, str, str], Answer] = ask_timed,
-        ours: Callable[[], Place] = master_seen,
-        wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns(),
-    ) -> None:
-        self._secret, self._find, self._call, self._ours = secret, find, call, ours
-        self._wall = wall
+    secret: bytes
+    find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node))
+    call: Callable[[str, str, str], Answer] = ask_timed
+    ours: Callable[[], Place] = master_seen
+    wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns()
 
     def ask(self, node: str) -> Met:
         """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
         asked = secrets.token_hex(NONCE_B)
         try:
-            uri = self._find(node)
+            uri = self.find(node)
             where = shown(address(uri).host, 100)
-            answer = self._call(uri, METHOD, asked)
+            answer = self.call(uri, METHOD, asked)
         except FAILURES as error:
             raise NoAnswer("its sender does not prove where it is: no answer") from error
         try:
-            found = read(self._secret, asked, answer.value)
+            found = read(self.secret, asked, answer.value)
         except WrongSecret as error:
             raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
-        ours = self._ours()
+        ours = self.ours()
         if not found.master.is_same(ours):
             raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
-        ahead = found.wall - self._wall((answer.asked + answer.answered) // 2)
+        ahead = found.wall - self.wall((answer.asked + answer.answered) // 2)
         times = found.clock, ahead, answer.asked, answer.answered
         return Met(found.boot, shown(found.host, 100), where, *times)
 

@@ -17,7 +17,7 @@ from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust import secret
 from shsa_core.ros.trust.places import origin
 from shsa_core.ros.trust.proving import Challenger, serve
-from shsa_core.trust.computers import Computers
+from shsa_core.trust.boots import Boots
 from shsa_core.trust.proof import WrongSecret
 from shsa_core.trust.seal import BOOT_B, EARLY, FOREIGN, NO_SIGNATURE, SIGNATURE_B, TRAILER, TWICE
 from shsa_core.trust.seal import UNPROVEN, UNSIGNED, Seal, Verifier
@@ -32,7 +32,7 @@ LONGEST_NAME = 100
 class Signing:
     """Signs and checks messages by the secret in a file (empty: the default one).
 
-    `make`: it is made if it is not there. Raises ShsaError if it cannot be read. `computers`: those
+    `make`: it is made if it is not there. Raises ShsaError if it cannot be read. `boots`: those
     that are believed.
     """
 
@@ -42,7 +42,7 @@ class Signing:
         self._secret = secret.obtain(self.path) if make else secret.read(self.path)
         self._boot = origin()
         self._challenger = Challenger(self._secret)
-        self.computers = Computers(self._boot, self._challenger.ask, time.monotonic_ns)
+        self.boots = Boots(self._boot, self._challenger.ask, time.monotonic_ns)
         self._lock = threading.Lock()
         self._measuring: Optional[threading.Thread] = None
         serve(self._secret, self._boot)
@@ -77,7 +77,7 @@ class Signing:
 
         Its messages have `refusal`; empty: none. `unsigned`: what is not signed is believed too.
         """
-        find = self.computers.find
+        find = self.boots.find
         verifier = Verifier(self._secret, rospy.resolve_name(topic), find, time.monotonic_ns)
 
         class Checked(kind):  # type: ignore[misc,valid-type]
@@ -119,7 +119,7 @@ class Signing:
             if message.refusal == UNPROVEN:
                 message = self._judge_again(message, sender)
             if not message.refusal:
-                message.sent_here = self.computers.ours(message.boot, message.sent, sender)
+                message.sent_here = self.boots.ours(message.boot, message.sent, sender)
                 heard(message)
             elif message.refusal != TWICE:
                 said = self.refusals.note(rospy.resolve_name(topic), sender, message.refusal)
@@ -133,7 +133,7 @@ class Signing:
     def _judge_again(self, message: Any, sender: str) -> Any:
         """Judge a message whose computer is not known, once its sender was asked."""
         end = len(message.data) - TRAILER.size
-        message.refusal = self.computers.refusal(message.data[end : end + BOOT_B], sender)
+        message.refusal = self.boots.refusal(message.data[end : end + BOOT_B], sender)
         if message.refusal:
             return message
         self._keep_measured()
@@ -150,7 +150,7 @@ class Signing:
 
     def _measure(self) -> None:
         while not rospy.is_shutdown():
-            self.computers.renew()
+            self.boots.renew()
             rospy.rostime.wallsleep(settings.LOOK_S)
 
     def _suspect(self, sender: str) -> None:

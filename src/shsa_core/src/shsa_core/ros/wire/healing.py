@@ -1,18 +1,17 @@
 """Between the events and commands of monitor and reconfigurator and the messages of shsa_msgs."""
-import json
 from math import isfinite
-from typing import Any, Dict, Tuple, Union
+from typing import Any, Dict, Tuple
 
 import rospy
 from shsa_msgs import msg, srv
 from std_msgs.msg import Header
 
 from shsa_core.codegen.plans import Plan
-from shsa_core.derivations.calibrator import SOURCE
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
-from shsa_core.model.calibration import Calibration, CalibrationRow
+from shsa_core.journal.codec import Codec
+from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
@@ -21,8 +20,11 @@ from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import FormerlyHealthy, SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
+from shsa_core.ros.wire import names
 from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
 from shsa_core.text import shown
+
+_KEY, _ROW = Codec(Tuple[str, Program]), Codec(CalibrationRow)
 
 
 def failure_seen(failure: msg.Failure) -> events.FailureSeen:
@@ -64,32 +66,19 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
 
 def calibrations_heard(table: msg.Calibrations) -> events.CalibrationsHeard:
     """Return the event of a message on /shsa/calibrations. Raises ShsaError if it is none."""
-    rows = tuple(map(_calibration_row, table.calibrations))
-    return events.CalibrationsHeard(clock.now(), rows, tuple(map(_calibration_key, table.removed)))
+    removed = (_KEY.from_text(each, names.CALIBRATIONS, "the key") for each in table.removed)
+    rows = tuple(map(_calibration, table.calibrations))
+    return events.CalibrationsHeard(clock.now(), rows, tuple(removed))
 
 
-def _calibration_row(row: msg.Calibration) -> CalibrationRow:
-    outputs, numbers = tuple(row.outputs), (row.gains, row.offsets, row.rms, row.biases, row.p95)
-    if any(len(each) != len(outputs) for each in (*numbers, row.samples)):
-        raise ShsaError(f"{row.service}: a calibration has not one number for each output")
-    if not all(isfinite(number) for each in numbers for number in each) or any(
-        gain <= 0.0 for gain in row.gains
-    ):
-        raise ShsaError(f"{row.service}: a gain is not above 0, or a number not finite")
-    errors = [
-        Error(rms, bias, p95, n=n, source=SOURCE) if n else None
-        for rms, bias, p95, n in zip(row.rms, row.biases, row.p95, row.samples)
-    ]
-    found = tuple(map(Calibration, row.gains, row.offsets, errors))
-    return CalibrationRow(row.service, Program(tuple(row.inputs), row.code, outputs), found)
-
-
-def _calibration_key(text: str) -> Tuple[str, Program]:
-    try:
-        service, inputs, code, outputs = json.loads(text)
-        return service, Program(tuple(inputs), code, tuple(outputs))
-    except (TypeError, ValueError) as error:
-        raise ShsaError(f"{text!a} names no calibration: {error}") from error
+def _calibration(message: msg.Calibration) -> CalibrationRow:
+    row: CalibrationRow = _ROW.from_text(message.row, names.CALIBRATIONS, "the row")
+    for each in row.calibrations:
+        error = each.error or Error(0.0)
+        numbers = each.gain, each.offset, error.rms, error.bias, error.within
+        if each.gain <= 0.0 or not all(map(isfinite, numbers)):
+            raise ShsaError(f"{row.service}: a gain is not above 0, or a number not finite")
+    return row
 
 
 def _publisher_health(row: msg.PublisherHealth, ahead: float) -> PublisherHealth:
@@ -173,29 +162,13 @@ def health_row_key(row: msg.PublisherHealth) -> str:
 
 
 def calibration_row(row: CalibrationRow) -> msg.Calibration:
-    """Return a row of the table of calibrations; 0 stands for what is not known of an error."""
-    errors = [each.error for each in row.calibrations]
-    return filled(
-        msg.Calibration,
-        row.program,
-        service=row.service,
-        gains=[each.gain for each in row.calibrations],
-        offsets=[each.offset for each in row.calibrations],
-        rms=[each.rms if each else 0.0 for each in errors],
-        biases=[each.bias if each else 0.0 for each in errors],
-        p95=[(each.p95 or 0.0) if each else 0.0 for each in errors],
-        samples=[(each.n or 0) if each else 0 for each in errors],
-    )
+    """Return a row of the table of calibrations."""
+    return msg.Calibration(calibration_key(row.service, row.program), _ROW.to_text(row))
 
 
-def calibration_key(service: str, program: Union[Program, msg.Calibration]) -> str:
+def calibration_key(service: str, program: Program) -> str:
     """Return the key of a row of the table of calibrations."""
-    return json.dumps([service, program.inputs, program.code, program.outputs])
-
-
-def calibration_row_key(row: msg.Calibration) -> str:
-    """Return the key of a row of that table."""
-    return calibration_key(row.service, row)
+    return _KEY.to_text((service, program))
 
 
 def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:

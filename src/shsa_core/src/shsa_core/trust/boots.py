@@ -54,7 +54,7 @@ Ask = Callable[[str], Met]
 """Asks the node of a name; raises NoAnswer, or ShsaError if what it answers is no proof."""
 
 
-class Computer:
+class Boot:
     """One boot of a computer, and what its monotonic clock can show. From any thread."""
 
     def __init__(self, boot: bytes, since: int = 0) -> None:
@@ -99,7 +99,7 @@ class Computer:
         self.is_doubted = False
 
 
-class Computers:
+class Boots:
     """Those that are known, by what their messages name as `boot`. From any thread.
 
     A question waits for its answer, in the thread that reads that node's connection: what comes
@@ -108,13 +108,13 @@ class Computers:
 
     def __init__(self, own: bytes, ask: Ask, clock: Clock) -> None:
         self._ask, self._clock = ask, clock
-        self.own = Computer(own)
-        self._known: Dict[bytes, Computer] = {own: self.own}
+        self.own = Boot(own)
+        self._known: Dict[bytes, Boot] = {own: self.own}
         self._failed: "OrderedDict[Tuple[bytes, str], Tuple[int, str]]" = OrderedDict()
         self._forgotten = 0
         self._lock = threading.Lock()
 
-    def find(self, boot: bytes) -> Optional[Computer]:
+    def find(self, boot: bytes) -> Optional[Boot]:
         """Return the computer that a message names; None: it must prove itself, or do so again."""
         computer = self._known.get(boot)
         return None if computer is None or computer.is_doubted else computer
@@ -183,7 +183,7 @@ class Computers:
         with self._lock:
             computer = self._known.get(met.boot)
             if computer is None:
-                computer = Computer(met.boot, self._forgotten)
+                computer = Boot(met.boot, self._forgotten)
                 computer.due = met.answered + PAUSE_NS
             computer.measured(met)
             computer.sender = sender

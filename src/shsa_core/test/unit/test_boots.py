@@ -18,13 +18,13 @@ from shsa_core.ros.master.node_api import Answer, BadAnswer
 from shsa_core.ros.trust import proving
 from shsa_core.ros.trust.proving import NONCE_B, Challenger
 from shsa_core.trust import proof
-from shsa_core.trust.computers import (
+from shsa_core.trust.boots import (
     MOST,
     MOST_FAILED,
     PAUSE_NS,
     RENEW_NS,
     TRIES,
-    Computers,
+    Boots,
 )
 from shsa_core.trust.proof import Place, Proof
 from shsa_core.trust.seal import (
@@ -91,12 +91,12 @@ class Reader(Robot):
         self.has_master = True
         wall = lambda at: at - self.clock() + self.wall()
         ask = Challenger(SECRET, self.find, self.call, lambda: self.master, wall).ask
-        self.computers = Computers(self.boot, ask, self.clock)
+        self.boots = Boots(self.boot, ask, self.clock)
         self.begin()
 
     def begin(self) -> None:
         """Begin to listen: nobody can be connected before a call has gone there and back."""
-        self.verifier = Verifier(SECRET, "/topic", self.computers.find, self.clock)
+        self.verifier = Verifier(SECRET, "/topic", self.boots.find, self.clock)
         self.world.now += 10 * MS
 
     def find(self, node: str) -> str:
@@ -120,7 +120,7 @@ class Reader(Robot):
         why = self.verifier.refusal(message)
         if why == UNPROVEN:
             boot = message[-56:-40]
-            why = self.computers.refusal(boot, sender) or self.verifier.refusal(message)
+            why = self.boots.refusal(boot, sender) or self.verifier.refusal(message)
         return why
 
 
@@ -168,10 +168,10 @@ def test_a_clock_is_told_within_its_bound_however_slow_the_link(
     reader.hears(sender.says())
     for pause in (PAUSE_NS, *(RENEW_NS,) * 99):
         world.now += pause
-        reader.computers.renew()
-        (seen,) = reader.computers.seen()
+        reader.boots.renew()
+        (seen,) = reader.boots.seen()
         assert abs(seen.ahead - 3 * S) <= seen.round_trip / 2
-        computer = reader.computers.find(sender.boot)
+        computer = reader.boots.find(sender.boot)
         assert computer is not None
         for later in (0, 30, 3600):
             world.now += later * S
@@ -189,9 +189,9 @@ def test_the_fastest_answer_tells_the_offset(world: World) -> None:
     world.now += PAUSE_NS
     asked = sender.asked
     for _ in range(9):
-        reader.computers.renew()
+        reader.boots.renew()
     assert sender.asked == asked + TRIES, "not before the next renewal"
-    (seen,) = reader.computers.seen()
+    (seen,) = reader.boots.seen()
     assert seen.round_trip == pytest.approx(2 * MS) and (seen.host, seen.address) == ("sender",) * 2
 
 
@@ -342,7 +342,7 @@ def test_who_is_known_is_believed_without_the_master(world: World) -> None:
     reader.has_master = False
     for _ in range(600):
         world.now += RENEW_NS
-        reader.computers.renew()
+        reader.boots.renew()
         assert reader.hears(sender.says()) == ""
     assert sender.asked == 1
 
@@ -355,12 +355,12 @@ def test_strangers_are_not_asked_and_leave_nothing_behind(world: World) -> None:
         stranger.secret = bytes(32)
         assert reader.hears(stranger.says(), stranger.name) == FOREIGN
         assert stranger.asked == 0
-    assert not reader.computers._failed and not reader.verifier._senders
+    assert not reader.boots._failed and not reader.verifier._senders
     recorded = [Robot(World(), f"old{number}").says() for number in range(3 * MOST_FAILED)]
     for message in recorded:
         assert "no answer" in reader.hears(message, "nobody")
-    assert len(reader.computers._failed) == MOST_FAILED
-    assert len(reader.computers._known) == 1 and not reader.verifier._senders
+    assert len(reader.boots._failed) == MOST_FAILED
+    assert len(reader.boots._known) == 1 and not reader.verifier._senders
     assert threading.active_count() == threads
 
 
@@ -387,7 +387,7 @@ def test_more_computers_than_are_known_at_once_are_forgotten_and_repeat_nothing(
         world.now += S
         said.append(other.says())
         assert reader.hears(said[-1], other.name) == ""
-    assert len(reader.computers._known) == MOST + 1 == len(reader.verifier._senders) + 1
+    assert len(reader.boots._known) == MOST + 1 == len(reader.verifier._senders) + 1
     assert reader.hears(messages[0]) == EARLY, "it proves itself again, and that was before"
     world.now += S
     assert reader.hears(first.says()) == ""
@@ -401,10 +401,10 @@ def test_another_node_is_asked_once_the_one_that_proved_it_is_gone(world: World)
     sender.answers = lambda node, nonce: None
     message = beside.says()
     assert reader.hears(message, "beside") == ""
-    reader.computers.ours(beside.boot, 0, "beside")
+    reader.boots.ours(beside.boot, 0, "beside")
     world.now += PAUSE_NS
-    reader.computers.renew()
-    assert beside.asked > 0 and world.now - reader.computers.seen()[0].answered < S
+    reader.boots.renew()
+    assert beside.asked > 0 and world.now - reader.boots.seen()[0].answered < S
 
 
 def test_a_process_proves_the_secret_that_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
