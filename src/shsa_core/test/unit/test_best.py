@@ -50,7 +50,7 @@ def test_a_cycle_is_settled_together_and_known() -> None:
     best = BestDerivations(SourceTable(network, [source("e")]))
     assert best.settle(network.number("a"))
     names = {
-        network.names[n]: {network.names[m] for m in cycle} for n, cycle in best.cycles.items()
+        network.names[n]: {network.names[m] for m in cycle} for n, cycle in best.cycles().items()
     }
     assert names == dict.fromkeys("abc", {"a", "b", "c"})
     assert reached(robot, [source("e")]) == ["a", "b", "c", "d", "e"]
@@ -67,7 +67,7 @@ def test_two_cycles_are_kept_apart() -> None:
     network = robot.network
     best = BestDerivations(SourceTable(network, []))
     assert not best.settle(network.number("a"))
-    cycles = {frozenset(network.names[m] for m in cycle) for cycle in best.cycles.values()}
+    cycles = {frozenset(network.names[m] for m in cycle) for cycle in best.cycles().values()}
     assert cycles == {frozenset("ab"), frozenset("cd")}
     assert all(best.ratings[n] == LOST for n in range(4))
 

@@ -1,8 +1,8 @@
 """The best derivation of every property that a target depends on.
 
-Each is settled once, inputs first: depth first where properties do not depend on one another, and
-by Knuth's algorithm where they do (D. E. Knuth: A generalization of Dijkstra's algorithm,
-Information Processing Letters 6, 1977).
+Each is settled once, inputs first: depth first, and what properties that depend on one another leave
+open by Knuth's algorithm (D. E. Knuth: A generalization of Dijkstra's algorithm, Information
+Processing Letters 6, 1977).
 """
 from heapq import heapify, heappop, heappush
 from typing import Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
@@ -14,8 +14,6 @@ from shsa_core.search.derivation import Derivation, Rated, Rating, SourceTable
 
 Usable = Callable[[int], bool]
 FREE: Rating = (0, 0, 0, SOURCE, 1.0)
-DONE = 2**62  # later than any visit
-RETURN = -1  # on the stack: all inputs of the last property on the path were visited
 
 
 class Ratings:
@@ -115,22 +113,20 @@ def dependents(users: Mapping[int, Iterable[int]], numbers: Iterable[int]) -> Se
 class BestDerivations:
     """The best derivations of properties and of everything that they can be derived from.
 
-    `ratings` has each property that was reached; `cycles` maps a property to those that depend on
-    one another with it. Functions are left out whose number is not `usable`, and with `prune` those
-    that cannot be better than a source of their output.
+    `ratings` has each property that was reached. Functions are left out whose number is not
+    `usable`, and with `prune` those that cannot be better than a source of their output.
     """
 
     def __init__(
         self, sources: SourceTable, usable: Optional[Usable] = None, prune: bool = True
     ) -> None:
         self.ratings = Ratings(sources)
-        self.cycles: Dict[int, Sequence[int]] = {}
         self._network = sources.network
         self._sources = sources
         self._usable = usable
         self._prune = prune
-        self._order: Dict[int, int] = {}  # of the visits, from 1
-        self._visited = 0
+        self._reached: Dict[int, Sequence[int]] = {}  # properties, and their functions
+        self._knotted: List[int] = []  # those on cycles, and those that depend on them
 
     def functions(self, number: int) -> Sequence[int]:
         """Return the functions of a property that are worth following."""
@@ -144,57 +140,41 @@ class BestDerivations:
 
     def settle(self, target: int) -> bool:
         """Rate `target` and all that it depends on; return True if it has a derivation."""
-        # This loop and those in ratings.py are the cost of a search: hence the local names.
-        ratings, order, functions_of = self.ratings, self._order, self.functions
-        all_functions, inputs = self._network.functions_of, self._network.inputs
-        by_source, by_function = self._sources.rating, ratings.by_function
-        # Properties, their functions, and how many properties were pending before.
-        path: List[Tuple[int, Sequence[int], int]] = []
-        pending: List[int] = []  # the properties on cycles that are not complete yet
+        # This loop and that of `Ratings.by_function` are the cost of a search: hence local names.
+        reached, functions_of, inputs = self._reached, self.functions, self._network.inputs
+        by_source, by_function = self._sources.rating, self.ratings.by_function
+        knotted: List[int] = []
         stack = [target]
         while stack:
             number = stack.pop()
-            if number != RETURN:
-                if number in order:
-                    continue
-                if not all_functions[number]:
-                    ratings[number] = by_source(number)
-                    order[number] = DONE
-                    continue
-                self._visited += 1
-                order[number] = self._visited
-                functions = functions_of(number)
-                path.append((number, functions, len(pending)))
-                stack.append(RETURN)
-                for function in functions:
-                    stack.extend(inputs[function])
+            if number >= 0:
+                if number not in reached:
+                    reached[number] = functions_of(number)
+                    stack.append(~number)
+                    for function in reached[number]:
+                        stack.extend(inputs[function])
                 continue
-            number, functions, before = path.pop()
+            number = ~number  # its inputs were visited
             best = by_source(number)
-            for function in functions:
+            for function in reached[number]:
                 rating = by_function(function)
                 if rating < best:
                     best = rating
-                    if rating[3] == NOT_RATED:
-                        break
+            if best[3] == NOT_RATED:
+                knotted.append(number)
             else:
-                ratings[number] = best
-                order[number] = DONE
-                continue
-            # Inputs that are not rated lie on a cycle with this property; the earliest closes it
-            # (Tarjan, 1972).
-            pending.append(number)
-            earliest = min([order[i] for f in functions for i in inputs[f]])
-            if earliest < order[number]:
-                order[number] = earliest
-                continue
-            members = pending[before:]
-            del pending[before:]
-            self.cycles.update(dict.fromkeys(members, members))
-            self.settle_cycle(members, ratings)
-            for member in members:
-                order[member] = DONE
-        return ratings[target] != LOST
+                self.ratings[number] = best
+        self.settle_cycle(knotted, self.ratings)
+        self._knotted += knotted
+        return self.ratings[target] != LOST
+
+    def cycles(self) -> Dict[int, Set[int]]:
+        """Map each property that depends on itself to those that depend on one another with it."""
+        graph, inputs = nx.DiGraph(), self._network.inputs
+        for number in self._knotted:
+            graph.add_edges_from((number, i) for f in self._reached[number] for i in inputs[f])
+        parts = (part for part in nx.strongly_connected_components(graph) if len(part) > 1)
+        return {number: part for part in parts for number in part}
 
     def settle_cycle(self, members: Iterable[int], ratings: Ratings) -> None:
         """Rate properties that depend on one another, the best first: it is final (Knuth, 1977)."""

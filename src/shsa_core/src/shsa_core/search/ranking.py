@@ -8,7 +8,7 @@ the path that leads to it.
 from dataclasses import dataclass
 from functools import partial
 from heapq import heapify, heappop, heappush
-from typing import Callable, Dict, FrozenSet, Iterator, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, FrozenSet, Iterator, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.search.best import BestDerivations, Ratings, Usable, dependents
 from shsa_core.search.derivation import LOST, Rated, SourceTable
@@ -90,12 +90,12 @@ class Ranking:
         self._network = sources.network
         self._sources = sources
         self._best = BestDerivations(sources, usable, prune=False)
+        self._cycles: Dict[int, Set[int]] = {}
         self._ranked: Dict[Tuple[int, FrozenSet[int]], Ranked] = {}
 
     def joint(self, targets: Sequence[int]) -> Iterator[Rated]:
         """Yield joint derivations of all targets, best first; their inputs follow the targets."""
-        for target in targets:
-            self._best.settle(target)
+        self._settle(targets)
         candidate = self._candidate(rate_joint, targets, self._best.ratings)
         if candidate is None:
             return
@@ -103,9 +103,14 @@ class Ranking:
 
     def by_function(self, target: int) -> List[Iterator[Rated]]:
         """Return, for each function of the target, the derivations by it, best first."""
-        self._best.settle(target)
+        self._settle([target])
         found = self._candidates(target, EVERYWHERE)
         return [self._from(Ranked(target, EVERYWHERE, each.rated), each) for each in found]
+
+    def _settle(self, targets: Sequence[int]) -> None:
+        for target in targets:
+            self._best.settle(target)
+        self._cycles = self._best.cycles()
 
     def _from(self, ranked: Ranked, candidate: Candidate) -> Iterator[Rated]:
         """Yield the items of a list that begins with its only candidate, best first."""
@@ -142,7 +147,7 @@ class Ranking:
         """Return the best derivation of a property by each function that keeps off `path`."""
         best = self._best
         ratings = best.ratings
-        cycle = best.cycles.get(number)
+        cycle = self._cycles.get(number)
         path = EVERYWHERE if cycle is None else path | {number}
         if cycle is not None:
             ratings = Ratings(self._sources, best.ratings)
@@ -163,7 +168,7 @@ class Ranking:
         rate: Rate,
         inputs: Sequence[int],
         ratings: Ratings,
-        cycle: Optional[Sequence[int]] = None,
+        cycle: Optional[Set[int]] = None,
         path: FrozenSet[int] = EVERYWHERE,
     ) -> Optional[Candidate]:
         """Return the derivation that `rate` makes of the best inputs; None if one has none."""
@@ -172,7 +177,7 @@ class Ranking:
             first = ratings.rated(number)
             if first is None:
                 return None
-            off = path if self._best.cycles.get(number) is cycle else EVERYWHERE
+            off = path if self._cycles.get(number) is cycle else EVERYWHERE
             lists.append(self._ranked.setdefault((number, off), Ranked(number, off, first)))
         rated = rate([ranked.items[0] for ranked in lists])
         return Candidate(rated, rate, lists, (0,) * len(lists))
