@@ -171,7 +171,7 @@ def test_where_the_interpreter_has_no_room_left_it_is_refused() -> None:
 
 
 def test_the_deepest_law_that_is_read_can_be_compiled() -> None:
-    """As deep as may be in every way at once: nested, in a row, and written out."""
+    """As deep as may be in every way at once: nested, and in a row."""
     text = "dot(" + ", ".join(["0.5", "v"] * 32) + ")"
     for level in range(48):
         text = f"abs({text}" + " - v" * 11 + ")"

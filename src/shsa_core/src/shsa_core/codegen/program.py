@@ -1,6 +1,5 @@
 """Compiles a substitute's checked code into one Python function."""
 import ast
-import functools
 import math
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Set, Tuple
@@ -12,7 +11,6 @@ from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
 from shsa_core.language.trees import literal, name_nodes, row
 
 INTEGRAL = "integral"
-MOST_WRITTEN_OUT = 64  # arguments
 MemoryOf = Callable[[str], Tuple[str, str]]
 """Make a memory for one use of a stateful function; return its name and its value's."""
 Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
@@ -109,8 +107,6 @@ class Inline(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)
         assert isinstance(node.func, ast.Name)
-        if node.func.id == "dot":
-            return _written_out(node)
         if node.func.id not in STATEFUL:
             return node
         if self._memory_of is None:
@@ -119,16 +115,6 @@ class Inline(ast.NodeTransformer):
         arguments = [*node.args, ast.Name("now", ast.Load())]
         self.calls.append((result, ast.Call(ast.Name(memory, ast.Load()), arguments, [])))
         return ast.Name(result, ast.Load())
-
-
-def _written_out(dot: ast.Call) -> ast.expr:
-    """Write out a short sum of products of numbers and variables: a call costs as much again."""
-    if len(dot.args) > MOST_WRITTEN_OUT or not all(
-        literal(a) is not None or isinstance(a, ast.Name) for a in dot.args
-    ):
-        return dot
-    products = [ast.BinOp(w, ast.Mult(), x) for w, x in zip(dot.args[::2], dot.args[1::2])]
-    return functools.reduce(lambda left, right: ast.BinOp(left, ast.Add(), right), products)
 
 
 class _Compiler:
