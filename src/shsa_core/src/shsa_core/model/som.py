@@ -1,12 +1,11 @@
 """The service-to-ontology mapping (SOM): which services provide which properties."""
 import dataclasses
-from math import inf
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 from shsa_core.errors import ModelError
 from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
-from shsa_core.model.service import Deadlines, Service, Signal, Source, is_within
+from shsa_core.model.service import Deadlines, Service, Signal, Source
 
 
 class Som:
@@ -149,18 +148,6 @@ class Som:
             deadlines.of(service),
             latched=service.latched,
         )
-
-
-def allows_more(new: Service, old: Service) -> bool:
-    """Tell if a publisher may do what it might not before."""
-    pairs = list(zip(new.provides, old.provides))
-    return (
-        (new.period or inf) > (old.period or inf)
-        or (new.checks.bad, new.checks.of) != (old.checks.bad, old.checks.of)
-        or not set(old.checks.each) <= set(new.checks.each)
-        or any(not set(before.checks) <= set(now.checks) for now, before in pairs)
-        or any(not is_within(now.range, before.range) for now, before in pairs)
-    )
 
 
 def differences(new: Service, old: Service, when: str) -> str:

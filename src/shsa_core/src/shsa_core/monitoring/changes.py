@@ -9,7 +9,7 @@ from typing import Optional
 from shsa_core.model.checks import Finding
 from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level, Log
-from shsa_core.model.som import Som, allows_more, differences
+from shsa_core.model.som import Som, differences
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.events import ChangeRefused
@@ -37,12 +37,11 @@ def decide(board: Board, som: Som, deadlines: Deadlines) -> Som:
         wrong = next(((name, why) for name, why in found if why), None)
         if wrong is None:
             whom = ", ".join(each.name for each in concerned) or "nobody yet"
-            weaker = allowed > watched.allowed or allows_more(service, kept)
-            more = "; it allows more" * weaker
+            said = Log(Level.INFO, f"Changed: {text}; it concerns {whom}")
             if service.weakened:
                 more = f"; it allows more than the SOM file: {service.weakened}"
-            said = Log(Level.WARN, f"Changed: {text}; it concerns {whom}{more}")
-            board.say([said if more else replace(said, level=Level.INFO)])
+                said = Log(Level.WARN, said.text + more)
+            board.say([said])
         else:
             services[service.name] = kept
             name, why = wrong

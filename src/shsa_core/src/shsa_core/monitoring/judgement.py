@@ -94,7 +94,6 @@ class Judgement:
         quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(publisher, failure.kind, failure.detail)
-        self._learn(publisher, event, good)
         evidence = publisher.evidence
         notable = publisher.detail or publisher.suspicions or evidence.unusual
         if publisher.kind is None and (alibi or good and notable):
@@ -102,7 +101,10 @@ class Judgement:
         return good
 
     def _compare(self, publisher: Publisher, message: Message, good: bool) -> Optional[Finding]:
-        """Return what others hold against a message that is `good` by itself."""
+        """Return what others hold against a message that is `good` by itself.
+
+        It teaches, unless somebody fails, or is in doubt.
+        """
         service, evidence = publisher.service, publisher.evidence
         if message.values is None or not self._derivations.concerns(service):
             return None
@@ -113,17 +115,10 @@ class Judgement:
         values = {name: v for name, v in named if v is not None and isfinite(v)}
         if self._derivations.heard(service, values, time, good and publisher.is_healthy):
             self._witnesses.look(service, publisher.suspicions, values, time)
-        findings = (each.finding for each in publisher.suspicions.values())
-        return next(filter(None, findings), None)
-
-    def _learn(self, publisher: Publisher, message: Message, good: bool) -> None:
-        """Learn from a message that was compared; who fails, or is in doubt, teaches nothing."""
-        service = publisher.service
-        own = service.node == publisher.name and message.values is not None
-        if own and self._derivations.concerns(service):
-            doubtful = any(each.doubtful for each in publisher.suspicions.values())
-            sound = good and publisher.is_healthy and not doubtful
-            self._derivations.judged(service, message.time, sound)
+        suspicions = publisher.suspicions.values()
+        sound = good and publisher.is_healthy and not any(each.doubtful for each in suspicions)
+        self._derivations.judged(service, time, sound)
+        return next((each.finding for each in suspicions if each.finding), None)
 
     def _confirms(self, publisher: Publisher, outside: ValueSample) -> bool:
         """Tell if a derived value is about as far out of a range, on the same side."""
