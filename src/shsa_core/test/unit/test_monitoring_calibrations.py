@@ -6,9 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 
-from shsa_core.codegen.plans import plan_witness
 from shsa_core.derivations import settings
-from shsa_core.errors import ShsaError
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
@@ -28,7 +26,6 @@ from shsa_core.monitoring.events import (
     Tick,
 )
 from shsa_core.monitoring.machine import Monitor
-from shsa_core.search.derivation import SourceTable
 from shsa_testing.models import ontology_in
 
 PERIOD = 0.05
@@ -232,13 +229,12 @@ def test_a_change_that_another_derivation_confirms_is_followed(ontology: Ontolog
     assert drop(robot, "speed") > 0.02 and robot.said == []
 
 
-def test_who_repeats_what_a_service_says_is_no_witness(ontology: Ontology) -> None:
-    echo = service("power", derived_from=("load",))
-    som = Som((LOAD, SPEED, echo))
-    table = SourceTable(ontology.network, som.sources)
-    assert plan_witness(ontology, som.services["load"], table, ("/load_node",)).relations
-    with pytest.raises(ShsaError):
-        plan_witness(ontology, som.services["load"], table, ("/load_node", "/speed_node"))
+@pytest.mark.parametrize("echoes", [False, True])
+def test_who_repeats_what_a_service_says_is_no_witness(ontology: Ontology, echoes: bool) -> None:
+    robot = Robot(ontology, LOAD, SPEED, service("power", derived_from=("load",) * echoes))
+    robot.run(40.0)
+    assert robot.of("load", "speed") is not None
+    assert (robot.of("load", "power") is None) is echoes
 
 
 def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:

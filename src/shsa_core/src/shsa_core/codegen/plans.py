@@ -113,24 +113,6 @@ def plan_service(
     raise none
 
 
-def plan_witness(
-    ontology: Ontology,
-    service: Service,
-    table: SourceTable,
-    excluded: Iterable[str],
-    predictor: Optional[Predictor] = None,
-) -> Plan:
-    """Return the best plan that may read what is computed from a service: it replaces nobody.
-
-    Raises ShsaError if there is none, or if it would only repeat what the service says.
-    """
-    question = ontology, service.sources, table.excluding(excluded)
-    plan = plan_sources(*question, predictor=predictor)
-    if all(service.name in each.service.upstream for each in plan.inputs):
-        raise NoSubstitute(service.properties, ())
-    return plan
-
-
 def part(service: Service, lost: Collection[str]) -> Tuple[Source, ...]:
     """Return the values of a service that can be published without those `lost`.
 

@@ -12,7 +12,7 @@ from math import inf
 from typing import Callable, Deque, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple
 from typing import Union
 
-from shsa_core.codegen.plans import plan_service, plan_witness
+from shsa_core.codegen.plans import plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
 from shsa_core.model.calibration import Calibration, CalibrationRow, CalibrationsChanged
@@ -133,9 +133,12 @@ class Calibrations:
         service, first = wanted.service, len(wanted.excluded) == 1
         said = self._rest(service.name) if first else []
         question = self._ontology, service, self._table, wanted.excluded
+        watched = self._ontology, service.sources, self._table.excluding(wanted.excluded)
         try:
             if wanted.watches:
-                plan = plan_witness(*question, self._predictor)
+                plan = plan_sources(*watched, predictor=self._predictor)
+                if all(service.name in each.service.upstream for each in plan.inputs):
+                    return said  # it would only repeat what the service says
             else:
                 plan = plan_service(*question, predictor=self._predictor)
             followed = self._derivations.made(plan)
