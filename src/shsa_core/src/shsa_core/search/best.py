@@ -1,7 +1,7 @@
 """The best derivation of every property that a target depends on.
 
-Each is settled once, inputs first: depth first, and what properties that depend on one another leave
-open by Knuth's algorithm (D. E. Knuth: A generalization of Dijkstra's algorithm, Information
+Each is settled once, inputs first: depth first, and what properties that depend on one another
+leave open by Knuth's algorithm (D. E. Knuth: A generalization of Dijkstra's algorithm, Information
 Processing Letters 6, 1977).
 """
 from heapq import heapify, heappop, heappush
