@@ -15,7 +15,7 @@ from shsa_core.cli.main import command_line
 from shsa_core.files import keys
 from shsa_core.files.parameters import PARAMETERS, names_of
 from shsa_core.files.readers import Keys
-from shsa_core.healing.repair import TRANSITIONS
+from shsa_core.healing.transitions import TRANSITIONS
 from shsa_core.healing.settings import Settings as HealingSettings
 from shsa_core.language.functions import CALLS, STATEFUL
 from shsa_core.language.temporal import OPERATORS

@@ -20,7 +20,7 @@ from core_robot import (
     service,
 )
 from shsa_core.healing import events
-from shsa_core.healing.containment import Case, decide
+from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -77,7 +77,7 @@ ROWS: List[Any] = [
 
 @pytest.mark.parametrize("kind, known, kill, why", ROWS)
 def test_a_row_of_the_table(kind: Kind, known: Dict[str, Any], kill: bool, why: str) -> None:
-    verdict = decide(Case("/n", "/a", kind, **known))
+    verdict = decide(Charge("/n", "/a", kind, **known))
     assert verdict.kill is kill and why in verdict.why
     gone = kind is Kind.NODE_GONE
     does = ("ended", "left alone") if gone else ("killed", "kept")

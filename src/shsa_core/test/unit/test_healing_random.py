@@ -10,11 +10,10 @@ from random_models import LAST_RESORTS, NAMES, NODES, TOPICS, SETTINGS, ontologi
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.healing.incident import Incident, State
+from shsa_core.healing.incident import SUBSTITUTED, Incident, State
 from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Record, ServiceRecord
-from shsa_core.healing.repair import SUBSTITUTED
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.journal.codec import Codec
 from shsa_core.model.health import PublisherHealth, PublisherState

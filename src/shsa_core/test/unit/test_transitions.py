@@ -5,7 +5,7 @@ import pytest
 
 from core_robot import A, Robot
 from shsa_core.healing.incident import State, Trigger
-from shsa_core.healing.repair import TRANSITIONS
+from shsa_core.healing.transitions import TRANSITIONS
 from shsa_core.healing.service import InvalidTransition
 
 

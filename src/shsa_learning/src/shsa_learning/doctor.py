@@ -5,7 +5,7 @@ And what becomes of each node that fails, as healing decides.
 from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from shsa_core.errors import listed
-from shsa_core.healing.containment import Case, decide
+from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.incident import Incident
 from shsa_core.model.names import Names
 from shsa_core.model.kinds import Kind, Policy
@@ -67,19 +67,19 @@ def fates(seen: Seen) -> List[str]:
 def fate_of(service: Service, duties: Sequence[str]) -> str:
     """Return what becomes of the node of a service if it publishes something wrong, and why."""
     node, wrong, restarts = service.node, Kind.OUT_OF_RANGE, service.policy.restarts
-    case = Case(
+    charge = Charge(
         *(node, service.topic, wrong, service.contain, restarts),
         replaced=True,
         duties=tuple(duties),
         gated=service.gated,
     )
-    verdict = decide(case)
+    verdict = decide(charge)
     fate = verdict.why[len(node) + 1 :]
     if service.policy is Policy.ADVISE:
         fate = f"is kept: the policy of {service.topic} is to advise"
     elif verdict.kill and duties:
         fate += f". That costs: it {' and '.join(duties)}"
-    elif verdict.kill and case.contain is None and not restarts:
+    elif verdict.kill and charge.contain is None and not restarts:
         fate = "is killed if something replaces it, unless it is only silent"
     return fate
 

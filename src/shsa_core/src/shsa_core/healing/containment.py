@@ -12,7 +12,7 @@ from shsa_core.model.service import Service
 
 
 @dataclass(frozen=True)
-class Case:
+class Charge:
     """A node that failed on one topic, and what is known of the rest.
 
     `contain`: what the SOM says of the failed service. `restarted`: by its policy the node is
@@ -48,46 +48,46 @@ class Verdict:
     why: str
 
 
-def decide(case: Case) -> Verdict:
+def decide(charge: Charge) -> Verdict:
     """Decide about a faulty node: docs/explanation/killing.md has it as a table."""
-    topic, gone = case.topic, case.kind is Kind.NODE_GONE
-    killed = f"{case.node} is {'ended if it still runs' if gone else 'killed'}"
-    kept = f"{case.node} is {'left alone if it still runs' if gone else 'kept'}"
-    if case.never:
-        return Verdict(False, f"{kept}: {case.never}")
-    if case.contain is Contain.NODE:
+    topic, gone = charge.topic, charge.kind is Kind.NODE_GONE
+    killed = f"{charge.node} is {'ended if it still runs' if gone else 'killed'}"
+    kept = f"{charge.node} is {'left alone if it still runs' if gone else 'kept'}"
+    if charge.never:
+        return Verdict(False, f"{kept}: {charge.never}")
+    if charge.contain is Contain.NODE:
         return Verdict(True, f"{killed}: the SOM says so of {topic}")
-    if case.contain is Contain.NONE:
+    if charge.contain is Contain.NONE:
         return Verdict(False, f"{kept}: the SOM says so of {topic}")
-    if case.protected:
-        return Verdict(False, f"{kept}: {case.protected}")
-    if case.kind in (Kind.FRAME, Kind.LENGTH):
+    if charge.protected:
+        return Verdict(False, f"{kept}: {charge.protected}")
+    if charge.kind in (Kind.FRAME, Kind.LENGTH):
         return Verdict(False, f"{kept}: its settings may have been changed")
-    silent = case.kind in MISSED
-    if case.restarted:
+    silent = charge.kind in MISSED
+    if charge.restarted:
         until = " if it stays silent" if silent else ""
         return Verdict(True, f"{killed}{until}: its policy is to start it again")
     if silent:
         # Hung or slow, nobody can tell; a substitute that fills in yields once it speaks.
         return Verdict(False, f"{kept}: it may speak again, and ending it would gain nothing")
-    if case.gated and case.kind not in (Kind.NODE_GONE, Kind.REQUESTED):
+    if charge.gated and charge.kind not in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: a gate keeps from consumers what it publishes on {topic}")
-    if case.costs:
-        lost = f"killing it would cost {_enumerated(case.costs)}, which nothing can replace"
+    if charge.costs:
+        lost = f"killing it would cost {_enumerated(charge.costs)}, which nothing can replace"
         return Verdict(False, f"{kept}: {lost}")
-    if case.duties:
-        return Verdict(False, f"{kept}: it {_enumerated(case.duties)}, which nothing takes over")
-    if case.kind in BY_VALUE and not case.was_good:
+    if charge.duties:
+        return Verdict(False, f"{kept}: it {_enumerated(charge.duties)}, which nothing takes over")
+    if charge.kind in BY_VALUE and not charge.was_good:
         # By the same numbers a substitute may be no better, and then there would be nobody.
         why = f"{topic} was never good: it may not be ready yet, or the SOM is wrong"
         return Verdict(False, f"{kept}: {why}")
-    if case.replaced:
+    if charge.replaced:
         return Verdict(True, f"{killed}: what is needed of it is taken over")
     nothing = f"nothing can replace {topic}"
-    if case.kind in (Kind.NODE_GONE, Kind.REQUESTED):
+    if charge.kind in (Kind.NODE_GONE, Kind.REQUESTED):
         return Verdict(False, f"{kept}: {nothing}")
-    if case.useful:
-        well = f"it still publishes {_enumerated(case.useful)}"
+    if charge.useful:
+        well = f"it still publishes {_enumerated(charge.useful)}"
         return Verdict(False, f"{kept}: {nothing}, and {well}")
     return Verdict(True, f"{killed}: it publishes nothing else that is good")
 
@@ -112,7 +112,7 @@ class Stakes:
         well = [s for s, row in published if row.is_well and s.name != service.name]
         partly = kind in BY_LINK or (kind in BY_VALUE and len(service.provides) > 1)
         useful = [each.topic for each in well] + [f"good values on {service.topic}"] * partly
-        case = Case(
+        charge = Charge(
             node,
             service.topic,
             kind,
@@ -127,7 +127,7 @@ class Stakes:
             (service.topic, node) in self._health.good,
             service.gated,
         )
-        verdict = decide(case)
+        verdict = decide(charge)
         if service.policy is not Policy.ADVISE:
             return verdict
         why = self._robot.waiting(service) or "healing advises"

@@ -13,9 +13,9 @@ from shsa_core.healing.kill import KillOver, Said
 from shsa_core.healing.node import Nodes
 from shsa_core.healing.process import Processes
 from shsa_core.healing.records import ServiceRecord
-from shsa_core.healing.repair import TRANSITIONS
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.service import ServiceMachine
+from shsa_core.healing.transitions import TRANSITIONS
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import row_key
 

@@ -141,7 +141,10 @@ class GraphSeen(Event):
 
 @dataclass(frozen=True)
 class NodeLearned(NodeEvent):
-    """It was looked which process a node is; `known`: that is verified; `protected`: as in Case."""
+    """It was looked which process a node is; `known`: that is verified.
+
+    `protected`: as in Charge.
+    """
 
     known: bool
     protected: str = ""

@@ -1,113 +1,18 @@
-"""The states of a service as a table, and what is done when they change.
-
-docs/reference/ros.md shows this table.
-"""
-from dataclasses import replace
-from typing import Iterable, List, Optional, Tuple
+"""Has a service published again: searches, has its node judged, and sets a process to work."""
+from typing import List, Optional, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import Command, Log, RunCommand, ShowIncident
-from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, Incident, State, Trigger
-from shsa_core.healing.node import Accusation
+from shsa_core.healing.events import Command, Log, RunCommand
+from shsa_core.healing.incident import WAITING, State, Trigger
 from shsa_core.healing.process import standby
-from shsa_core.healing.records import Fate
-from shsa_core.healing.service import Action, Failure, ServiceMachine, Transitions
+from shsa_core.healing.service import Failure, ServiceMachine
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
 from shsa_core.planning.placement import HERE
 from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
-
-
-def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
-    """Open an incident, and heal."""
-    assert failure is not None
-    spec, robot, node = service.spec, service.robot, failure.publisher
-    service.timers.clear()
-    service.substitute.forget()
-    service.substitute.working_since = failure.good_until
-    service.pauses = 0
-    service.accusation = service.nodes.accuse(spec, node, failure.kind)
-    service.nodes.failed(failure.time, spec, node, failure.kind, soon=False)
-    robot.incidents += 1
-    service.incident = Incident(
-        id=robot.incidents,
-        service=spec.name,
-        topic=spec.topic,
-        properties=spec.properties,
-        faulty_node=node,
-        kind=failure.kind,
-        evidence=failure.detail,
-        detail=failure.detail,
-        detected=failure.time,
-        last_good=failure.last_good,
-    )
-    text = f"{spec.topic} failed: {failure.detail.rstrip('.')}."
-    commands: List[Command] = [Log(Level.WARN, text), ShowIncident(service.incident)]
-    commands += heal(service)
-    if failure.kind is Kind.REQUESTED and service.accusation.kept:
-        commands += close(service, service.incident.detail)  # it goes on as it was
-    return commands
-
-
-def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
-    """Judge a node that failed once more, or another one beside it."""
-    assert failure is not None
-    nodes, node = service.nodes, failure.publisher
-    commands: List[Command] = [service.log(f"{node} failed again: {failure.detail}.")]
-    former = service.incident.faulty_node
-    accusation = nodes.accuse(service.spec, node, failure.kind)
-    if node != former:
-        commands += service.judge(accusation, search(service)[0])
-        if not (accusation.kept and accusation.heard):  # it is killed, or silent
-            nodes.acquit(service.spec, node)
-            return commands
-        commands += blame(service, node, failure.kind)
-    return commands + heal(service)
-
-
-def blame(service: ServiceMachine, node: str, kind: Kind) -> List[Command]:
-    """Blame a node, in place of another that the incident blames."""
-    nodes, former = service.nodes, service.incident.faulty_node
-    service.accusation = nodes.accuse(service.spec, node, kind)
-    if node == former:
-        return []
-    service.incident = replace(service.incident, faulty_node=node)
-    nodes.acquit(service.spec, former)
-    return service.step()
-
-
-def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
-    """Go on after the node failed within its hold-off."""
-    assert failure is not None
-    spec, robot, node = service.spec, service.robot, failure.publisher
-    commands = blame(service, node, failure.kind)
-    accusation = service.accusation
-    service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
-    service.timers.clear()
-    plan, none = search(service)
-    detail = f"{node} failed again: {failure.detail}"
-    commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
-    if service.nodes.kept_out(node) and not accusation.kept:
-        detail = f"{node} keeps failing. It is kept out until it is released."
-        commands.append(service.log(detail, Level.ERROR))
-    healed = service.substitute.computes
-    awaited = healed and accusation.fate is Fate.WAITS
-    if awaited:
-        service.timers[Trigger.LATE] = robot.time + service.substitute.patience
-    if awaited or not healed:
-        service.substitute.working_since = failure.good_until
-    commands += service.step(
-        state=State.HEALED if healed and not awaited else State.HEALING,
-        killed=None,
-        returned=None,
-        detail=detail,
-    )
-    if idle(service):
-        return commands + keep(service, plan, none)
-    return commands if healed else commands + heal(service)
 
 
 def await_again(service: ServiceMachine, failure: Failure) -> List[Command]:
@@ -345,110 +250,7 @@ def pause_standby(service: ServiceMachine, _: Failure) -> List[Command]:
     return []
 
 
-def show(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Show the incident as it is now."""
-    return service.step(substitute=service.node)
-
-
-def publish(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Note that the substitute publishes; what was silent can be killed now."""
-    service.timers.clear()
-    commands = service.step(state=State.HEALED, first_message=service.first_message())
-    outage = service.incident.outage
-    lasted = "" if outage is None else f" The outage lasted {outage:.3f} s."
-    commands.append(service.log(f"{service.node} publishes it now.{lasted}", Level.INFO))
-    if service.accusation.fate is Fate.WAITS:
-        commands += service.judge(service.accusation, service.substitute.plan) + service.step()
-    return commands
-
-
-def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Wait whether an original that is back stays healthy."""
-    incident, row, robot = service.incident, service.returned(), service.robot
-    assert row is not None
-    service.nodes.returned(service.spec.name, incident.faulty_node, row.since)
-    length = service.nodes.hold_off(incident.faulty_node)
-    service.timers.clear()
-    service.timers[Trigger.STEADY] = robot.time + length
-    text = f"{incident.topic}: {row.publisher} is back."
-    said = Log(Level.INFO, f"{text} It must stay healthy for {length:g} s.")
-    return [said, *service.step(state=State.RETURNING, returned=row.since, detail=text)]
-
-
-def end(service: ServiceMachine, _: Failure) -> List[Command]:
-    """End the incident: the original is well again."""
-    node, commands = service.node, service.substitute.rest(service.spec)
-    stopped = " The substitute has stopped." if node != service.node else ""
-    return commands + close(service, service.incident.detail + stopped) + prepare(service)
-
-
-def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Heal the service no longer."""
-    commands = service.substitute.drop()
-    service.timers.clear()
-    if service.state is State.WELL:
-        return commands
-    return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
-
-
-def close(service: ServiceMachine, why: str) -> List[Command]:
-    """Close the incident."""
-    node, time = service.incident.faulty_node, service.robot.time
-    commands = service.step(state=State.ENDED, ended=time, detail=why)
-    service.incident, service.accusation = WELL, Accusation()
-    service.last_message = b""
-    service.timers.clear()
-    service.pauses = 0
-    service.nodes.acquit(service.spec, node, well_at=time)
-    return [*commands, Log(Level.INFO, why)]
-
-
 def pause(service: ServiceMachine) -> float:
     """Return how long to wait before the next try, in s."""
     service.pauses += 1
     return service.robot.settings.paused(service.pauses - 1)
-
-
-_STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)
-
-
-def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
-    """Yield a state, a trigger, what is done, and the states that it may lead to."""
-    well, healing, healed = State.WELL, State.HEALING, State.HEALED
-    returning, unhealed, safe, kept = State.RETURNING, State.UNHEALED, State.SAFE, State.KEPT
-
-    yield well, Trigger.FAILED, begin, (*_STUCK_OR_HEALING, well)
-    yield well, Trigger.SUBSTITUTE_FAILED, pause_standby, (well,)
-    yield well, Trigger.REPLAN, prepare, (well,)
-    yield well, Trigger.RETRY, prepare, (well,)
-    yield well, Trigger.NO_VALUE, change_law, (well,)
-
-    yield healing, Trigger.FIRST_MESSAGE, publish, (healed,)
-    yield healing, Trigger.LATE, replace_late, _STUCK_OR_HEALING
-    for state in SUBSTITUTED:
-        yield state, Trigger.SILENT, await_again, (healing,)
-        yield state, Trigger.NO_VALUE, change_law, (state,)
-    yield healed, Trigger.OUTGROWN, give_way, (healed, *_STUCK_OR_HEALING)
-    for state in (healing, healed, safe):
-        yield state, Trigger.SUBSTITUTE_FAILED, heal, _STUCK_OR_HEALING
-
-    for state in (healing, healed, unhealed, safe, kept):
-        more = (healed,) if state in (healed, safe) else ()
-        yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
-        yield state, Trigger.REPLAN, heal, (*_STUCK_OR_HEALING, *more)
-        if state in WAITING:
-            yield state, Trigger.RETRY, retry, (*_STUCK_OR_HEALING, *more)
-    yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
-    for state in (healing, healed, unhealed, safe, kept):
-        yield state, Trigger.RETURNED, hold_off, (returning,)
-
-    yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
-    yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)
-    yield returning, Trigger.STEADY, end, (well,)
-    for state in (well, healing, healed, returning, unhealed, safe, kept):
-        yield state, Trigger.WITHDRAWN, withdraw, (well,)
-
-
-TRANSITIONS: Transitions = {
-    (state, trigger): (act, frozenset(to)) for state, trigger, act, to in _rows()
-}

@@ -1,7 +1,7 @@
 """The machine of one service: what publishes it now, and what should.
 
-`repair` has the states as a table, and what is done when they change. Here what happens is made
-into the triggers of that table.
+`transitions` has the states as a table, and `repair` what heals. Here what happens is made into the
+triggers of that table.
 """
 import math
 from collections import deque
