@@ -1,6 +1,6 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
-Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
+Of four or more workers (`pytest -n 4`) the last two compute, in the time that robots leave: they
 wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
 with `N passed, N failed`.
 """
@@ -34,8 +34,8 @@ ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_b
 LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
 PRECISE = (
-    *("deadline", "takeover", "heal_amperemeter", "heal_plain_topics"),
-    *("failover", "test_master", "monitor_detection", "substitute", "init"),
+    *("deadline", "takeover", "heal_plain_topics", "failover"),
+    *("monitor_detection", "substitute", "init"),
 )
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
 LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
@@ -63,7 +63,7 @@ def computes(file: str) -> bool:
 
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
-    return count >= 3 and worker == f"gw{count - 1}"
+    return count >= 4 and int(worker[len("gw") :]) >= count - 2
 
 
 def case(nodeid: str) -> str:
@@ -86,7 +86,7 @@ def pytest_runtest_protocol(item: Any) -> Iterator[None]:
 
 
 def pytest_configure(config: Any) -> None:
-    """Have the last worker give way, in a session of its own: each has a share of its own."""
+    """Have the last workers give way, in sessions of their own: each has a share of its own."""
     told = getattr(config, "workerinput", None)
     if told and gives_way(told["workerid"], told["workercount"]):
         os.setsid()
@@ -118,8 +118,8 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Have the worker that gives way, if there is one, compute; the others do so last."""
-            if self.numnodes >= 3:
+            """Have the workers that give way, if there are any, compute; the others do so last."""
+            if self.numnodes >= 4:
                 last = gives_way(node.gateway.id, self.numnodes)
                 turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
                 scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]

@@ -26,6 +26,7 @@ SELDOM: Dict[str, str] = {
     "gates": "gate.test",
     "hang": "bridging.test",
     "heal_repeatedly": "takeover.test",
+    "hot_hosts": "test_sharing.py",
 }
 """Rostests of `make test-long` alone, and what stands for each of them in `make test`."""
 LONGEST = 8000

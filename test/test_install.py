@@ -125,6 +125,7 @@ def test_an_example_starts_from_where_it_is_installed(environment: Dict[str, str
     assert len(given) == 2 and all(Path(name).is_file() for name in given), given
 
 
+@pytest.mark.skipif(not LONG, reason="make test-long; test_tutorials heals it where it is built")
 def test_the_rover_is_healed(environment: Dict[str, str], rover: None) -> None:
     ask(environment, "percentage", "rostopic", "echo", "-n1", "/battery_state")
     ask(environment, "/amperemeter", "rostopic", "info", "/battery_current")

@@ -149,7 +149,7 @@ class Reconfigurator:
     def deadline(self) -> Optional[float]:
         """Return when a Tick is due, in s; None: none is."""
         robot = self.robot
-        if robot.maintained:
+        if robot.maintained and not self._over:
             return self._held_until
         dues = (
             self._core.agenda.next(),
@@ -159,7 +159,7 @@ class Reconfigurator:
             robot.health.due,
             robot.computers.settling.next(),
         )
-        return min((due for due in dues if due is not None), default=None)
+        return min((due for due in dues if due is not None and not self._over), default=None)
 
     @property
     def substitutes(self) -> Tuple[str, ...]:

@@ -37,11 +37,9 @@ def decide(board: Board, som: Som, deadlines: Deadlines) -> Som:
         wrong = next(((name, why) for name, why in found if why), None)
         if wrong is None:
             whom = ", ".join(each.name for each in concerned) or "nobody yet"
-            said = Log(Level.INFO, f"Changed: {text}; it concerns {whom}")
-            if service.weakened:
-                more = f"; it allows more than the SOM file: {service.weakened}"
-                said = Log(Level.WARN, said.text + more)
-            board.say([said])
+            text = f"Changed: {text}; it concerns {whom}"
+            more = f"{text}; it allows more than the SOM file: {service.weakened}"
+            board.say([Log(Level.WARN, more) if service.weakened else Log(Level.INFO, text)])
         else:
             services[service.name] = kept
             name, why = wrong
