@@ -38,7 +38,7 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# See conftest.py for their order, what stays together, and what the last two workers run.
+# See conftest.py for their order, what stays together, and what the last two workers run first.
 WORKERS = $(shell expr $(JOBS) + 2)
 
 test: build sshd

@@ -1,8 +1,9 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
-Of four or more workers (`pytest -n 4`) the last two compute, in the time that robots leave: they
-wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
-with `N passed, N failed`.
+Of three or more workers (`pytest -n 4`) the last one computes, in the time that robots leave: they
+wait for much of theirs. Of four or more the one before runs other tests that wait, and then robots
+as well. Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N
+failed`.
 """
 import fcntl
 import os
@@ -63,7 +64,7 @@ def computes(file: str) -> bool:
 
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
-    return count >= 4 and int(worker[len("gw") :]) >= count - 2
+    return count >= 3 and worker == f"gw{count - 1}"
 
 
 def case(nodeid: str) -> str:
@@ -86,7 +87,7 @@ def pytest_runtest_protocol(item: Any) -> Iterator[None]:
 
 
 def pytest_configure(config: Any) -> None:
-    """Have the last workers give way, in sessions of their own: each has a share of its own."""
+    """Have the last worker give way, in a session of its own: each has a share of its own."""
     told = getattr(config, "workerinput", None)
     if told and gives_way(told["workerid"], told["workercount"]):
         os.setsid()
@@ -118,10 +119,11 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Have the workers that give way, if there are any, compute; the others do so last."""
-            if self.numnodes >= 4:
+            """Have the worker that gives way, if there is one, compute; the others do so last."""
+            if self.numnodes >= 3:
                 last = gives_way(node.gateway.id, self.numnodes)
-                turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
+                second = self.numnodes >= 4 and node.gateway.id == f"gw{self.numnodes - 2}"
+                turn = lambda scope: (computes(scope), (module(scope) in ROBOTS) is second)
                 scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
                 if not scopes:
                     node.shutdown()
