@@ -356,6 +356,17 @@ def test_safe_values_whose_process_dies_are_published_again() -> None:
     assert last_incident(commands).substitute == second != first
 
 
+def test_safe_values_may_end_where_nodes_are_only_started_again_by_now() -> None:
+    robot = nothing_left(LastResort(values=(("a", 1.0),)))
+    node = only(robot.fail("/a", A, 10.0), events.StartSubstitute).node
+    changed = [replace(each, policy=Policy.RESTART) for each in robot.som if each.name == "a"]
+    others = [each for each in robot.som if each.name != "a"]
+    robot.handle(events.SomChanged(11.0, Som([*changed, *others])))
+    robot.handle(events.ProcessExited(12.0, node, "exit status 1"))
+    assert robot.core.deadline is not None
+    robot.handle(events.Tick(robot.core.deadline))
+
+
 def test_safe_values_yield_to_an_original_that_may_speak_again() -> None:
     robot = nothing_left(LastResort(values=(("a", 1.0),)))
     robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s.", 9.8)

@@ -232,10 +232,12 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
     if trust.exhausted or (killed and stranger):  # how a stranger was started is not known
         text = f"{node} was started again {trust.restarts} times in vain"
         return give_up(service, ShsaError(text))
-    if incident.substitute and not service.node:
-        return service.step(state=State.HEALING, substitute="")
-    if service.state in WAITING:
+    waits = service.state in WAITING
+    if waits:
         service.timers.setdefault(Trigger.RETRY, robot.time + pause(service))
+    if incident.substitute and not service.node:  # its safe values have ended
+        state = State.UNHEALED if waits else State.HEALING
+        return service.step(state=state, substitute="")
     return []
 
 
