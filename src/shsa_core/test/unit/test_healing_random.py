@@ -80,8 +80,9 @@ class AnyRobot(RuleBasedStateMachine):
         self.accused = set()
         self.taken_up = self.taken_up or isinstance(event, events.Started)
         self.core.validate()
-        self.check_tables()
-        self.check_publishing()
+        if not self.ending:  # then nothing is followed any more
+            self.check_tables()
+            self.check_publishing()
         if isinstance(event, events.Tick):
             due = self.core.deadline
             assert due is None or due > self.now, "a tick that has done nothing"
@@ -102,7 +103,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.hear(events.Started(self.now, (), (), records, tuple(sorted(self.running))))
         if self.ending:
             self.hear(events.LaunchEnding(self.now))
-        for name, incident in before.items():
+        for name, incident in () if self.ending else before.items():  # nothing else was followed
             after = self.incidents.get(name)
             assert after is not None and after.id == incident.id or name in self.closed
             self.closed.discard(name)
@@ -426,6 +427,7 @@ class AnyRobot(RuleBasedStateMachine):
     def idle(self) -> None:
         self.hear(events.Idle(self.now))
 
+    @precondition(lambda self: not self.ending)
     @rule()
     def long_idle(self) -> None:
         """All plans are made: each is as good as one that is searched for now."""
@@ -476,5 +478,5 @@ class AnyRobot(RuleBasedStateMachine):
 
 TestAnyRobot = AnyRobot.TestCase
 TestAnyRobot.settings = settings(
-    max_examples=many(100), stateful_step_count=60, deadline=None, derandomize=True
+    max_examples=many(400), stateful_step_count=60, deadline=None, derandomize=True
 )

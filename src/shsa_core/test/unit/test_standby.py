@@ -229,6 +229,31 @@ def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> N
     assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
 
 
+@pytest.mark.parametrize("moved", [True, False], ids=["another topic", "another publisher"])
+def test_a_hot_substitute_reads_by_the_som_of_now(moved: bool) -> None:
+    robot = Robot(standby("hot"))
+    (row,) = robot.working()
+    assert [each.node for each in row.inputs] == [""], "whoever publishes it"
+    others = [each for each in robot.som if each.name != "b"]
+    beside = [service("b", B), service("other", "/other_node", topic="/b")]
+    if moved:
+        beside = [service("b", B, topic="/b2")]
+    robot.row("/b2", B, "healthy", 1.0)
+    robot.table(1.5)
+    robot.handle(events.SomChanged(2.0, Som([*others, *beside])))
+    (row,) = robot.working()
+    (read,) = row.inputs
+    assert (read.topic, read.node) == (("/b2", "") if moved else ("/b", B))
+
+
+def test_no_plan_is_made_ahead_once_the_launch_ends() -> None:
+    robot = Robot()
+    robot.row("/b", B, "failed", 9.0)
+    robot.table(9.0)
+    robot.handle(events.LaunchEnding(9.1))
+    assert not robot.core.plans_ahead, "none would be made, again and again"
+
+
 def test_plans_are_made_ahead_and_a_stale_one_is_never_used() -> None:
     robot = Robot()
     assert not robot.core.plans_ahead

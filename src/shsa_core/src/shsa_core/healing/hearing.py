@@ -44,6 +44,8 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     if not (told or well or robot.health.note(event)):
         return []
     core.unsettle([name, *core.concerned(topic, publisher)])
+    if event.kind is Kind.NODE_GONE:
+        core.unsettle_node(publisher)
     if not service.needed:
         why = event.detail.rstrip(".")
         return [Log(Level.WARN, f"{topic} failed: {why}. It is not needed: nothing is done.")]
@@ -120,6 +122,7 @@ def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Comm
     nodes, som = core.nodes, core.robot.som
     if row is None or (row.has_failed and row.kind is Kind.NODE_GONE):
         nodes.identities.went(node)
+        core.unsettle_node(node)
     elif row.is_well:
         # Only the nodes that the SOM names are learned: anybody registers other names.
         if any(each.node == node for each in som.of_topic(row.topic)):

@@ -143,7 +143,7 @@ class Reconfigurator:
     @property
     def plans_ahead(self) -> bool:
         """Tell that there are plans to make before they are needed: Idle makes one."""
-        return self.robot.planner.plans.stale and not self.robot.maintained
+        return self.robot.planner.plans.stale and not (self._over or self.robot.maintained)
 
     @property
     def deadline(self) -> Optional[float]:
@@ -252,24 +252,28 @@ class Reconfigurator:
         old, robot.som = robot.som, robot.as_told(event.som)
         robot.planner.som = som = robot.som
         commands: List[Command] = []
+        both = [*old, *som]
+        differs = [e for e in both if old.services.get(e.name) != som.services.get(e.name)]
+        topics = {each.topic for each in differs}
         for before in old:
             now = som.services.get(before.name)
             if now is None or now.topic != before.topic:
                 commands += self._remove(before)
         for service in som:
-            name, topic = service.name, service.topic
+            name = service.name
             if name not in self.services:
                 self._add(service)
-                continue
-            beside = len(old.of_topic(topic)) > 1, len(som.of_topic(topic)) > 1
-            if old.services[name] != service or beside[0] is not beside[1]:
+            elif service.topic in topics:
                 self._core.unsettle([name])
                 self._offer(service)
                 close = not service.needed
                 commands += self._core.ask(
                     name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
                 )
-        commands += self._core.ask_all(robot.indexes.kept, lambda each: each.replan())
+        commands += self._core.settle()  # what is read may be another topic, or there no more
+        readers = robot.indexes.readers(each.name for each in both if each.topic in topics)
+        asked = dict.fromkeys((*robot.indexes.kept, *readers))
+        commands += self._core.ask_all(asked, lambda each: each.changed() + each.replan())
         if old.hosts or som.hosts:
             commands += hearing.rehost(self._core)
         return commands + hearing.look_again(self._core)
