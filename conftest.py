@@ -1,9 +1,8 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
-Of three or more workers (`pytest -n 4`) the last one computes, in the time that robots leave: they
-wait for much of theirs. Of four or more the one before runs other tests that wait, and then robots
-as well. Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N
-failed`.
+Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
+wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
+with `N passed, N failed`.
 """
 import fcntl
 import os
@@ -122,8 +121,7 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             """Have the worker that gives way, if there is one, compute; the others do so last."""
             if self.numnodes >= 3:
                 last = gives_way(node.gateway.id, self.numnodes)
-                second = self.numnodes >= 4 and node.gateway.id == f"gw{self.numnodes - 2}"
-                turn = lambda scope: (computes(scope), (module(scope) in ROBOTS) is second)
+                turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
                 scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
                 if not scopes:
                     node.shutdown()

@@ -46,15 +46,14 @@ def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
     names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
     for name in names:
         (tmp_path / f"{name}.py").write_text(TEST + WAITS * (name == "test_one"))
-    command = [sys.executable, "-m", "pytest", "-n", "4", "-p", "no:cacheprovider", "."]
+    command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stdout.decode()
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
     assert sorted(name for name, _, _ in ran) == sorted(names)
-    last = [name for name, worker, _ in ran if worker == "gw3"]
+    last = [name for name, worker, _ in ran if worker == "gw2"]
     assert last and {*last} <= {*conftest.COMPUTING, "test_other"}
-    assert next(name for name, worker, _ in ran if worker == "gw2") == "test_one", "it waits"
     for _, worker, policy in ran:
         idle = int(policy) == os.SCHED_IDLE
-        assert idle or worker != "gw3"
+        assert idle or worker != "gw2"
