@@ -44,7 +44,7 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     if not (told or well or robot.health.note(event)):
         return []
     core.unsettle([name, *core.concerned(topic, publisher)])
-    if event.kind is Kind.NODE_GONE:
+    if event.kind is Kind.NODE_GONE and not told:  # else its row has done so
         core.unsettle_node(publisher)
     if not service.needed:
         why = event.detail.rstrip(".")

@@ -149,7 +149,9 @@ class Reconfigurator:
     def deadline(self) -> Optional[float]:
         """Return when a Tick is due, in s; None: none is."""
         robot = self.robot
-        if robot.maintained and not self._over:
+        if self._over:
+            return None
+        if robot.maintained:
             return self._held_until
         dues = (
             self._core.agenda.next(),
@@ -159,7 +161,7 @@ class Reconfigurator:
             robot.health.due,
             robot.computers.settling.next(),
         )
-        return min((due for due in dues if due is not None and not self._over), default=None)
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def substitutes(self) -> Tuple[str, ...]:
@@ -253,22 +255,20 @@ class Reconfigurator:
         robot.planner.som = som = robot.som
         commands: List[Command] = []
         both = [*old, *som]
-        differs = [e for e in both if old.services.get(e.name) != som.services.get(e.name)]
-        topics = {each.topic for each in differs}
+        topics = {e.topic for e in both if old.services.get(e.name) != som.services.get(e.name)}
         for before in old:
             now = som.services.get(before.name)
             if now is None or now.topic != before.topic:
                 commands += self._remove(before)
         for service in som:
-            name = service.name
-            if name not in self.services:
+            if service.name not in self.services:
                 self._add(service)
             elif service.topic in topics:
-                self._core.unsettle([name])
+                self._core.unsettle([service.name])
                 self._offer(service)
                 close = not service.needed
                 commands += self._core.ask(
-                    name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
+                    service.name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
                 )
         commands += self._core.settle()  # what is read may be another topic, or there no more
         readers = robot.indexes.readers(each.name for each in both if each.topic in topics)
