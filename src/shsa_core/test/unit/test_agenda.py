@@ -2,8 +2,7 @@
 from math import inf
 from typing import Dict, List, Optional, Tuple
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_core.agenda import Agenda
 

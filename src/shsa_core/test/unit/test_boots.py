@@ -10,8 +10,7 @@ from typing import Any, Callable, Dict, List
 
 import pytest
 import rosgraph
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import Answer, BadAnswer

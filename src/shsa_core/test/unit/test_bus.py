@@ -3,8 +3,7 @@ from typing import Any, Optional
 
 import pytest
 
-from shsa_core.ros.master.node_api import COUNTER, Sent, between, rate, sent
-from shsa_core.ros.master.node_api import Answer
+from shsa_core.ros.master.node_api import COUNTER, Answer, Sent, between, rate, sent
 from strange_nodes import Send, StrangeNode, nothing, value
 
 TOPIC = "/speed"

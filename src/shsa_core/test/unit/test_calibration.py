@@ -17,8 +17,7 @@ from shsa_core.derivations.settings import (
     SAMPLE_S,
     SETTLING_S,
 )
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.calibration import PRIOR_GAIN
+from shsa_core.model.calibration import PRIOR_GAIN, UNCALIBRATED, Calibration
 
 PERIOD = 0.1
 ERROR_S = ERRORS_APART * SAMPLE_S

@@ -7,8 +7,7 @@ import pytest
 from shsa_testing.expressions import Sample, samples
 from hostile_expressions import EXPRESSIONS
 from hostile_programs import PROGRAMS
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.codegen.checked_code import (
     MAX_CODE,

@@ -4,8 +4,7 @@ from typing import Callable, List, Sequence, Tuple
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.settings import BLOCKS, SPARE, TAIL_KEPT

@@ -5,8 +5,7 @@ from typing import Any
 
 import audit
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import ModelError
 from shsa_core.files.document import MAX_DEPTH, Value, from_parameters, parse_yaml, read_yaml

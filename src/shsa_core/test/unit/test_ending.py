@@ -17,8 +17,7 @@ from plain_node import PlainNode
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import Where
 from shsa_core.ros.master.node_api import Originals
-from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes import local as ending
+from shsa_core.ros.processes import kernel, local as ending
 from shsa_core.ros.processes.nodes import Nodes, protection
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value

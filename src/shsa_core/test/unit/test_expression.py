@@ -7,8 +7,7 @@ import audit
 import pytest
 from shsa_testing.expressions import Sample, samples
 from hostile_expressions import EXPRESSIONS
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import ExpressionError
 from shsa_core.language.expression import Expression, parse_constraint, parse_expression

@@ -3,8 +3,7 @@ import math
 import string
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import (

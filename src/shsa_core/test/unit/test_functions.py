@@ -4,8 +4,7 @@ from collections import deque
 from typing import Any, Callable, List, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, clip, dot
 from shsa_core.language.functions import floor, namespace, power, rbf, sign, table

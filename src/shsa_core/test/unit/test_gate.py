@@ -6,8 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 import rospy
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from monitor_bench import NODE, PERIOD, provision, row, service, with_value_checks
 from rospy.msg import serialize_message
 from shsa_msgs.msg import Float64Stamped

@@ -13,8 +13,7 @@ from shsa_core.healing import events
 from shsa_core.healing.events import Log
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
-from shsa_core.model.calibration import CalibrationRow
+from shsa_core.model.calibration import UNCALIBRATED, Calibration, CalibrationRow
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Standby
 from shsa_core.model.log import Level
@@ -23,8 +22,7 @@ from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.ros import clock
-from shsa_core.ros.wire.healing import calibrations_heard
-from shsa_core.ros.wire.healing import calibration_key, calibration_row
+from shsa_core.ros.wire.healing import calibration_key, calibration_row, calibrations_heard
 from shsa_core.search.derivation import SourceTable
 
 FOUND = Calibration(1.2, 0.5, Error(0.3, 0.01, 0.6, n=500))

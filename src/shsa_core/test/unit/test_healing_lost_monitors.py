@@ -6,10 +6,9 @@ import pytest
 from core_robot import A, B, C, ONTOLOGY, Robot, has, last_incident, only, publishing, service
 from hosts_robot import BOARD, PI, WAIT, distributed, lost, seen, silent, stopped, takes_over
 from shsa_core.healing import events
-from shsa_core.healing.settings import ANSWER_S
+from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
-from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Host
 from shsa_core.model.service import Placement
 from shsa_core.model.kinds import Standby

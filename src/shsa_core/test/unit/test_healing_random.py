@@ -2,8 +2,7 @@
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 from random_models import LAST_RESORTS, NAMES, NODES, TOPICS, SETTINGS, ontologies, soms

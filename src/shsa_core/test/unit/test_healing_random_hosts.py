@@ -2,8 +2,7 @@
 from dataclasses import replace
 from typing import Any, Dict, List, Set
 
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from hypothesis.stateful import initialize, rule
 
 from random_models import SETTINGS, ontologies, soms

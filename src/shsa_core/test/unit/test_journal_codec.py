@@ -16,8 +16,7 @@ from typing import (
 )
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from shsa_testing import toy_machine as toy
 from shsa_core.dispatch import members

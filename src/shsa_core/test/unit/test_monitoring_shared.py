@@ -3,8 +3,7 @@ from typing import Any, List
 
 from monitor_bench import PERIOD, Bench, message_checks, provision, row, service
 
-from shsa_core.healing.events import HealthSeen
-from shsa_core.healing.events import WriteDown
+from shsa_core.healing.events import HealthSeen, WriteDown
 from shsa_core.healing.health import Health
 from shsa_core.model.checks import UnknownPublisher
 from shsa_core.monitoring.events import SubstitutionsChanged

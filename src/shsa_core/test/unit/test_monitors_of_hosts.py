@@ -1,8 +1,7 @@
 """Several monitors share a robot: each computer's watches its own services."""
 from typing import List, Tuple
 
-from shsa_core.healing.events import HealthSeen
-from shsa_core.healing.events import WriteDown
+from shsa_core.healing.events import HealthSeen, WriteDown
 from shsa_core.healing.health import Health
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.cost import Host

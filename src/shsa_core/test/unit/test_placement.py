@@ -8,8 +8,7 @@ from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.errors import ShsaError
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import EVENT_RATE_HZ, Cost, Host, cost, rate, traffic
-from shsa_core.model.service import Placement as Wanted
-from shsa_core.model.service import Service
+from shsa_core.model.service import Placement as Wanted, Service
 from shsa_core.model.som import Som
 from shsa_core.planning.placement import HERE, Computers, Place, Placement
 from shsa_core.planning.settings import CERTAIN_S

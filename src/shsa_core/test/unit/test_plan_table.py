@@ -3,8 +3,7 @@ from dataclasses import replace
 from random import Random
 from typing import Dict, Iterable, List, Optional
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from shsa_testing.models import law, ontology, random_model, service, som_of
 
 from shsa_core.codegen.plans import Plan, plan_service

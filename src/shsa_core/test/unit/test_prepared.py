@@ -20,9 +20,7 @@ from shsa_core.healing.events import StartSubstitute
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Program
 from shsa_core.ros import settings
-from shsa_core.ros.processes import kernel
-from shsa_core.ros.processes import starting as forking
-from shsa_core.ros.processes import prepared as prepared_process
+from shsa_core.ros.processes import kernel, prepared as prepared_process, starting as forking
 from shsa_core.ros.processes.children import Started
 from shsa_core.ros.processes.starting import Substitutes, Setup
 from shsa_testing.waiting import wait_until

@@ -6,8 +6,7 @@ from typing import Any, Optional, Tuple
 
 import pytest
 from shsa_testing.expressions import NAMES, NoValue, Sample, samples
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from shsa_core.codegen.program import CompiledProgram, compile_program
 from shsa_testing.thorough import many

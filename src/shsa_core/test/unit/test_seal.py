@@ -6,8 +6,7 @@ from typing import Any, List
 
 import pytest
 import rospy
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 
 from shsa_core.ros.trust import places

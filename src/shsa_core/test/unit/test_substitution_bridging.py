@@ -3,11 +3,9 @@ from dataclasses import replace
 from typing import Any, List, Optional, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from substitute_driver import PERIOD, Driver, idle, only, row, signal
-from shsa_core.model.substitution import Substitution
-from shsa_core.model.substitution import CHANGEOVER_S
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.settings import ALONE_LOOKS, LATE, LOOK_AGAIN_S, STEADY
 from shsa_testing.thorough import many

@@ -17,8 +17,7 @@ from substitute_driver import (
 )
 
 from shsa_core.model.service import Signal
-from shsa_core.model.substitution import Substitution
-from shsa_core.model.substitution import CHANGEOVER_S
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
 from shsa_core.substitution.settings import WITHDRAW_DELAY_S

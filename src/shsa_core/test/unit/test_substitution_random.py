@@ -3,14 +3,12 @@ import math
 from dataclasses import replace
 from typing import Any, Dict, List, Optional, Set, Tuple
 
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from substitute_driver import CODE, DEADLINE, NAME, signal
 
 from shsa_core.model.kinds import OnPartition
-from shsa_core.model.substitution import Substitution
-from shsa_core.model.substitution import CHANGEOVER_S
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
 from shsa_testing.thorough import many

@@ -2,8 +2,7 @@
 from typing import List, Sequence, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import ExpressionError
 from shsa_core.language.temporal import ATOM, OPERATORS, Part, Truth, parse_formula

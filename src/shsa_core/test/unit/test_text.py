@@ -5,8 +5,7 @@ import pathlib
 from typing import Any, List
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.cli._common import say
 from shsa_core.cli.main import main

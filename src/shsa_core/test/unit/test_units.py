@@ -5,8 +5,7 @@ from fractions import Fraction
 from typing import List, Optional, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import UnitError
 from shsa_core.language.expression import parse_constraint, parse_law

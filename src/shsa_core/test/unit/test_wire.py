@@ -14,8 +14,7 @@ from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire.healing import failure_seen
-from shsa_core.ros.wire.healing import failure_message
+from shsa_core.ros.wire.healing import failure_message, failure_seen
 
 
 @pytest.mark.parametrize("slow", range(1, 9))

@@ -4,8 +4,7 @@ from dataclasses import replace
 from typing import Dict, List, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_injection.faults import MESSAGE_FAULTS, Reading, Stream, Timed, message_fault
 from shsa_injection.line_faults import LINE_FAULTS, line_fault

@@ -7,9 +7,8 @@ from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence
 from shsa_core.errors import listed
 from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.incident import Incident
-from shsa_core.model.names import Names
+from shsa_core.model.names import Names, full_name
 from shsa_core.model.kinds import Kind, Policy
-from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 

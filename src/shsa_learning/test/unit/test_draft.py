@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import List, Sequence, Tuple
 
 import pytest
-from hypothesis import HealthCheck, assume, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, assume, example, given, settings, strategies as st
 
 from robots import Robot, times
 from shsa_core.analysis.check import check_files

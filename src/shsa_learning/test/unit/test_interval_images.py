@@ -4,8 +4,7 @@ import random
 from typing import List, Optional, Sequence, Tuple
 
 from shsa_testing.expressions import NAMES, NoValue, Sample, samples
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.language.expression import parse_expression

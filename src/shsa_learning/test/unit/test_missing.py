@@ -3,8 +3,7 @@ from random import Random
 from typing import List, Sequence
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from shsa_testing.models import every_derivation, law, ontology, random_model, source
 
 from shsa_core.errors import LISTED, NoSubstitute

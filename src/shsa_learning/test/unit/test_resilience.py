@@ -6,8 +6,7 @@ from random import Random
 from typing import Any, Dict, Iterable, List, Tuple
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from shsa_testing.models import every_derivation, law, ontology, random_model, som_of, source
 
 from shsa_core.analysis.check import check_model

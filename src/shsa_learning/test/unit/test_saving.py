@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import Any, List
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology

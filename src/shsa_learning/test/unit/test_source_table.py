@@ -3,8 +3,7 @@ import dataclasses
 from random import Random
 from typing import Iterable, List
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from shsa_testing.models import random_model, source, usable
 
 from shsa_core.model.ontology import Network

@@ -4,8 +4,7 @@ from itertools import combinations
 from typing import Iterator, List, Tuple
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_rover.frame import MAX_CHANNELS, MAX_FRAME_BYTES, Frame, FrameError, Parser, encode
 

@@ -3,8 +3,7 @@ import math
 from typing import Any, Callable, Iterator, List, NamedTuple
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from shsa_rover import framing, imu_sentence, p2os
 from shsa_rover.imu_sentence import ImuReading, SentenceError

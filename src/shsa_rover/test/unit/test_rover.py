@@ -4,8 +4,7 @@ from dataclasses import asdict
 from typing import List
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from shsa_rover.chassis import Chassis, ChassisParameters
 from shsa_rover.dataset import random_drive

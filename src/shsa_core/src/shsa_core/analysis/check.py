@@ -16,8 +16,7 @@ from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, ModelErrors, NoSubstitute, UnitError
 from shsa_core.errors import listed
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.som_file import load_som
-from shsa_core.files.som_file import refuse_others_commands
+from shsa_core.files.som_file import load_som, refuse_others_commands
 from shsa_core.language.units import Unit, parse_unit
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle

@@ -1,8 +1,7 @@
 """Orders derivations: by what is preferred, by expected error where it is known, by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
-from typing import Collection, Iterator, List, Mapping, NamedTuple
-from typing import Optional, Sequence, Set, Tuple
+from typing import Collection, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.generator import fused
 from shsa_core.codegen.prediction import Predictor

@@ -13,9 +13,8 @@ from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
 from typing import Deque, Dict, List, Optional, Tuple
 
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import PRIOR_GAIN, UNCALIBRATED, Calibration, aged, beyond
 from shsa_core.model.error import Error
-from shsa_core.model.calibration import PRIOR_GAIN, aged, beyond
 from shsa_core.derivations import settings
 
 SOURCE = "compared with the sensor while it lived"

@@ -10,10 +10,9 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import longest_gap
-from shsa_core.model.calibration import UNCALIBRATED, Calibration
+from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
-from shsa_core.model.calibration import Growth
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program

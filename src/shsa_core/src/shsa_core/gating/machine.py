@@ -7,8 +7,7 @@ from shsa_core.dispatch import Table, table
 from shsa_core.gating import events, settings
 from shsa_core.gating.doubt import Doubt
 from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
-from shsa_core.model.checks import NotANumber, OutOfRange, RateHigh
-from shsa_core.model.checks import Finding
+from shsa_core.model.checks import Finding, NotANumber, OutOfRange, RateHigh
 from shsa_core.model.log import Level
 from shsa_core.model.samples import RateSample
 from shsa_core.model.service import Service

@@ -19,8 +19,7 @@ from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution, shared_key
 from shsa_core.planning.placement import Place, Placement
-from shsa_core.planning.pool import Pool, Starts
-from shsa_core.planning.pool import IdleProcess
+from shsa_core.planning.pool import IdleProcess, Pool, Starts
 from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 

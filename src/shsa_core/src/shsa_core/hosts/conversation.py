@@ -8,8 +8,7 @@ nothing. Times in s, on one clock.
 """
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple, Type
-from typing import Union
+from typing import Any, Callable, Dict, Mapping, Optional, Set, Tuple, Type, Union
 
 from shsa_core.errors import ModelError
 from shsa_core.healing import events

@@ -8,8 +8,7 @@ from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED
 from shsa_core.language.syntax import MAX_LENGTH, MAX_STEPS, checked_text, is_free, syntax_tree
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
-from shsa_core.language.units import NO_UNIT, SECOND, Number, Quantity, Unit
-from shsa_core.language.units import match, raised, times
+from shsa_core.language.units import NO_UNIT, SECOND, Number, Quantity, Unit, match, raised, times
 
 
 Mismatch = Tuple[str, bool]

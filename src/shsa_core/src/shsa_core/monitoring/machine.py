@@ -10,8 +10,7 @@ from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import changes, events
-from shsa_core.monitoring.board import FAILED, HEALTHY, Board
-from shsa_core.monitoring.board import publishes
+from shsa_core.monitoring.board import FAILED, HEALTHY, Board, publishes
 from shsa_core.monitoring.events import Command, Event
 from shsa_core.monitoring.judgement import Judgement
 from shsa_core.monitoring.overview import ServiceHealth, overview

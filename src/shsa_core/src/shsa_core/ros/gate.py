@@ -27,8 +27,7 @@ from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, guarded, run
-from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire import names
+from shsa_core.ros.wire import healing as wire, names
 
 
 class GateNode:

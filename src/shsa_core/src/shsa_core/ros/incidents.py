@@ -13,8 +13,7 @@ from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
 from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
-from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire import names
+from shsa_core.ros.wire import healing as wire, names
 
 SETTLED = (State.HEALED, State.UNHEALED, State.SAFE, State.KEPT, State.ENDED)
 

@@ -40,8 +40,7 @@ from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.reader import Reader
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
-from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire import names
+from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.wire.rows import filled
 from shsa_core.ros.workers import Workers
 

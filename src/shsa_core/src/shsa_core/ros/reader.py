@@ -8,8 +8,7 @@ from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_header
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros.messages.fields import HEADER_END, Decoder, frame, stamp
-from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.sockets.connection import Wanted
+from shsa_core.ros.sockets.connection import Connection, Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived
 
 ALL = Wanted()

@@ -18,8 +18,7 @@ from shsa_core.analysis import budget, check, duties, schedulability, type_check
 from shsa_core.analysis.registrations import Part
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
-from shsa_core.files.som_file import added_path, load_som
-from shsa_core.files.som_file import refuse_others_commands
+from shsa_core.files.som_file import added_path, load_som, refuse_others_commands
 from shsa_core.healing import events
 from shsa_core.healing.events import Event
 from shsa_core.healing.machine import Reconfigurator
@@ -49,8 +48,7 @@ from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.succession import maintain, maintained, record_path, take_over
-from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire import names
+from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
 MOST_WAITING = 10_000

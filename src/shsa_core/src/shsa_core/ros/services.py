@@ -1,7 +1,6 @@
 """The reconfigurator's ROS services and its action, for people and programs."""
 import time
-from concurrent.futures import Future
-from concurrent.futures import TimeoutError as Late
+from concurrent.futures import Future, TimeoutError as Late
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Callable
@@ -20,8 +19,7 @@ from shsa_core.ros import clock, settings
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.rospy_patches.inbound import charge_also
 from shsa_core.ros.rospy_patches.subscribing import bound_messages, subscribe
-from shsa_core.ros.wire import healing as wire
-from shsa_core.ros.wire import names
+from shsa_core.ros.wire import healing as wire, names
 
 NO_OPERATOR = (
     "refused: this reconfigurator was started with operator:=false, and does nothing on request"

@@ -18,11 +18,10 @@ import psutil
 from shsa_core import message_types
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.regular import open_to_read
-from shsa_core.model.names import PREFIX
+from shsa_core.model.names import PREFIX, full_name
 from shsa_core.model.field import FieldText, parse_field
 from shsa_core.model.field_type import field_type
 from shsa_core.model.field_value import field_value
-from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.text import shown

@@ -15,8 +15,7 @@ from shsa_core.files.document import from_parameters
 from shsa_core.files.som_file import PARAMETER, read_som, read_tree
 from shsa_core.analysis.duties import duties_of
 from shsa_core.healing.incident import Incident
-from shsa_core.model.names import HEALERS, Names
-from shsa_core.model.names import full_name
+from shsa_core.model.names import HEALERS, Names, full_name
 from shsa_core.model.som import Som
 from shsa_core.ros.incidents import log_path
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid

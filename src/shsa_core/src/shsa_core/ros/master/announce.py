@@ -13,8 +13,7 @@ import rospy
 
 from shsa_core.agenda import Agenda
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import connected
-from shsa_core.ros.master.node_api import FAILURES, master_api, node_api
+from shsa_core.ros.master.node_api import FAILURES, connected, master_api, node_api
 from shsa_core.ros.workers import Workers
 
 Registered = Dict[str, str]

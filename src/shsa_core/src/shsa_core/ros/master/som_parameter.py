@@ -1,10 +1,8 @@
 """The SOM on the parameter server, at shsa/som: put there once, heeded while it changes."""
 import dataclasses
 import json
-import re
 import threading
 import time
-from functools import partial
 from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 import rosgraph
@@ -107,9 +105,9 @@ class SomWatch:
                 som, errors = self._merge(value, self._file)
         except ModelError as refusal:
             errors.append(refusal)
-        texts = [str(each) for error in errors for each in error.errors]
         if self._reread is not None:
-            self._put_back_services(som, texts)  # before it is said: who hears that may set anew
+            self._put_back_services(som, value)  # before it is said: who hears that may set anew
+        texts = [str(each) for error in errors for each in error.errors]
         new = [text for text in texts if text not in self._said]
         for text in new[:MOST_SAID]:
             rospy.logerr("Refused: %s", text)
@@ -140,12 +138,13 @@ class SomWatch:
         self._file = before if self._reread is None else self._reread()
         return self._file != before
 
-    def _put_back_services(self, som: Som, errors: Sequence[str]) -> None:
-        begin = f"{self._name}/services/"
-        refused = {re.split("[/:[]", text[len(begin) :])[0] for text in errors if begin in text}
-        for name in refused & som.services.keys():
-            plain = service_parameters(som.services[name])
-            _ask(partial(rospy.set_param, begin + name, plain))
+    def _put_back_services(self, som: Som, value: Any) -> None:
+        """Have the server show each service as it counts."""
+        for service in som:
+            plain = service_parameters(service)
+            if value["services"].get(service.name, plain) != plain:
+                name = f"{self._name}/services/{service.name}"
+                _ask(lambda: rospy.set_param(name, plain))
 
     def _put_back(self, value: object) -> None:
         """No service is left at shsa/som: the last ones stay. A master that is new has nothing."""
