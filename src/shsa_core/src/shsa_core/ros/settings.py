@@ -23,6 +23,8 @@ LOOKED_AT = 20
 # Threads for calls that wait for others.
 STANDING_WORKERS = 2
 """There from the start: a call is made even where no thread can be started any more."""
+STACK_B = 1 << 19
+"""Of a thread of a substitute: rospy has one for each connection, and they count as its data."""
 
 # Reading connections.
 TRIES = 3

@@ -1,6 +1,7 @@
 """The substitute: a node made of three strings that takes over a topic (Section V-A3)."""
 import os
 import sys
+import threading
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import Callable, Iterable, Iterator, List, Optional, Sequence, Set, Tuple, Union
@@ -43,6 +44,7 @@ class SubstituteNode:
     """
 
     def __init__(self, row: Substitution, rests: Optional[int] = None) -> None:
+        threading.stack_size(settings.STACK_B)  # of those to come; ours stays as it is
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row

@@ -33,7 +33,7 @@ LIMITS = {
     "data": (resource.RLIMIT_DATA, 8 * 1024**3),
     "nofile": (resource.RLIMIT_NOFILE, 16384),
 }
-"""Of a process; in bytes, and open files. A thread counts 8 MiB of data, which it seldom uses."""
+"""Of a process; in bytes, and open files: the stacks of as many threads take all of the data."""
 INHERITED = ("CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "PATH", "PYTHON", "ROS", "SHSA_")
 OF_USER = ("HOME", "LANG", "LC_", "LOGNAME", "TMPDIR", "TZ", "USER")
 """Of our environment a substitute inherits nothing but what begins with one of these."""
