@@ -50,7 +50,9 @@ SHARE, LOWEST = "/proc/self/autogroup", "19"
 
 # Files run side by side: a second thread of a small matrix only spins.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-settings.register_profile("busy", deadline=None)  # the machine may be: time proves nothing
+# The machine may be busy: time proves nothing. Of what is made at random `make test` tries some.
+EXAMPLES = 100 if os.environ.get("SHSA_LONG") else 40
+settings.register_profile("busy", deadline=None, max_examples=EXAMPLES)
 settings.load_profile("busy")
 
 
