@@ -232,6 +232,7 @@ def test_a_table_that_is_begun_anew_ends_nobody() -> None:
     process = Process("c")
     process.tell(events.RowChanged, row("c", publishing=True))
     process.tell(events.RowRemoved, "c", False)
+    assert process.tell(events.RowRemoved, "x", False) == []
     assert process.run(1.0)
 
 

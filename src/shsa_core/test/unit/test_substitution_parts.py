@@ -202,6 +202,12 @@ def test_what_is_computed_is_published_as_it_is_calibrated() -> None:
     assert job.latest is None
 
 
+def test_an_angle_whose_last_good_one_nobody_knows_is_that_of_the_program() -> None:
+    job = Job(row(code="t0=x[0];y=t0;", outputs=(signal("/out", field="yaw(orientation)"),)), 0.0)
+    job.evaluate((0.5,), 1.0)
+    assert job.latest == (0.5,)
+
+
 def test_an_angle_of_another_zero_goes_on_from_the_last_good_one() -> None:
     field = "yaw(pose.pose.orientation)"
     out = signal("/out", field=field)

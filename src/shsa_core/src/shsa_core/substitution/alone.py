@@ -64,7 +64,6 @@ class Alone:
             heed = self._gone if event.time >= listens else ()
             return [events.Overhear(topic, ours[topic].outputs[0].type) for topic in heed]
         topic, first = self._gone.popitem()
-        self._gone.clear()
         row = replace(ours[topic], node=idle.node, publishing=True, yields=True)
         self.idle, self._taken = idle, replace(row, last_message=first.last_message)
         why = f"its node is gone, and no reconfigurator has answered for {event.unheard:.1f} s"

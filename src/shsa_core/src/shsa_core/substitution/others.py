@@ -142,8 +142,7 @@ class OtherPublishers:
 
     @property
     def _waits(self) -> bool:
-        steady = self.bridge > 0.0 and self._steady >= STEADY
-        return steady and self.original is not Original.LOST
+        return self._steady >= STEADY and self.original is not Original.LOST
 
     def due(self, now: float) -> List[Command]:
         """Return the look that is due: what came may be unread, or the connection has ended."""
