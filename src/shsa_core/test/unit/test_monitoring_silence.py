@@ -68,6 +68,16 @@ def test_one_or_two_that_hang_are_found_at_the_deadline(hung: int) -> None:
         assert failure.since == pytest.approx(last + DEADLINE)
 
 
+def test_that_others_are_late_for_less_than_half_of_its_silence_is_no_alibi() -> None:
+    bench = robot()
+    last = bench.now
+    stream(bench, NODES[1:], 0.6 * DEADLINE)
+    bench.wait(0.5 * DEADLINE)
+    stream(bench, NODES[1:], 0.2)
+    (failure,) = bench.failures
+    assert failure.since == pytest.approx(last + DEADLINE)
+
+
 def test_nodes_that_hang_one_after_the_other_are_each_found_at_the_deadline() -> None:
     bench = robot()
     last = bench.now
