@@ -29,7 +29,6 @@ SELDOM: Dict[str, str] = {
     "heal_repeatedly": "takeover.test",
     "hot_hosts": "test_sharing.py",
     "killing_table": "test_killing_table.py",
-    "signed": "test_signing.py",
 }
 """Rostests of `make test-long` alone, and what stands for each of them in `make test`."""
 LONGEST = 8000

@@ -93,7 +93,7 @@ def test_a_monitor_that_starts_again_ends_no_substitute_whose_inputs_it_has_not_
     robot = Robot()
     node = robot.heal(10.0)
     healed, robot.said = dict(robot.rows), []
-    robot.handle(events.HealthSeen(20.0, (), whole=True, anew=True))
+    robot.handle(events.HealthSeen(20.0, (), whole=True, began=2))
     robot.rows = {}
     robot.row("/b", B, "unknown", 20.1)
     robot.handle(events.HealthSeen(20.1, tuple(robot.rows.values())))
@@ -106,7 +106,7 @@ def test_a_monitor_that_starts_again_ends_no_substitute_whose_inputs_it_has_not_
 def test_an_input_that_a_new_monitor_never_hears_is_lost() -> None:
     robot = Robot()
     robot.heal(10.0)
-    robot.handle(events.HealthSeen(20.0, (), whole=True, anew=True))
+    robot.handle(events.HealthSeen(20.0, (), whole=True, began=2))
     robot.row("/b", B, "unknown", 20.1)
     robot.handle(events.HealthSeen(20.1, tuple(r for k, r in robot.rows.items() if k[1] != C)))
     assert robot.core.deadline is not None and robot.core.deadline <= 25.0

@@ -37,7 +37,7 @@ def row(topic: str, time: float = 1.0) -> PublisherHealth:
 
 def told(host: str, *topics: str, anew: bool = False, time: float = 1.0) -> HealthSeen:
     rows = tuple(row(topic, time) for topic in topics)
-    return HealthSeen(time, rows, whole=True, anew=anew, host=host)
+    return HealthSeen(time, rows, whole=True, began=1 + anew, host=host)
 
 
 def healthy(health: Health, *topics: str) -> List[str]:

@@ -109,14 +109,14 @@ class FailureSeen(Event):
 class HealthSeen(Event):
     """This has changed in a monitor's table; `whole`: this is all of it.
 
-    `removed`: topics and publishers. `anew`: the monitor has just started. `host`: the computer
-    that it watches; empty: all others.
+    `removed`: topics and publishers. `began`: when the monitor did, by its own clock; 0: that is
+    not told. `host`: the computer that it watches; empty: all others.
     """
 
     rows: Tuple[PublisherHealth, ...]
     removed: Tuple[Tuple[str, str], ...] = ()
     whole: bool = False
-    anew: bool = False
+    began: int = 0
     host: str = ""
 
 

@@ -45,6 +45,7 @@ class Health:
         self.consumers: Dict[str, Tuple[str, ...]] = {}
         self.due: Optional[float] = None
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
+        self._began: Dict[str, int] = {}  # by computer: when its monitor did
         self._lost: Set[str] = set()  # the computers whose monitors are not heard
         self._stranded: Set[Key] = set()  # who did well when its monitor was lost
         self._unheard: Dict[Key, Optional[PublisherHealth]] = {}  # until a new monitor hears them
@@ -59,8 +60,7 @@ class Health:
 
     def healthy(self, key: Key) -> bool:
         """Tell that a publisher of a topic does well."""
-        row = self.row(key)
-        return row is not None and row.is_well
+        return key[1] in self.well(key[0])
 
     @property
     def doomed(self) -> Set[str]:
@@ -84,9 +84,12 @@ class Health:
         ended is so until the next one has heard it, or should have.
         """
         self._lost.discard(change.host)
-        if change.anew or (self._unheard and self.due is None):
+        before = self._began.get(change.host, change.began)
+        anew = change.began not in (0, before)  # it is another monitor
+        self._began[change.host] = change.began or before
+        if anew or (self._unheard and self.due is None):
             self.due = change.time + START_S
-        if change.anew:
+        if anew:
             known = self._told(change.host)
             self._unheard.update((key, None) for key in known if self.healthy(key))
         rows = self._returned(change.time, self._heard(change))

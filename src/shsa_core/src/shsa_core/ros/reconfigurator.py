@@ -167,7 +167,6 @@ class ReconfiguratorNode:
         )
         tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._master.introduce(*map(rospy.resolve_name, tables))
-        self._health_began: Dict[str, int] = {}
         self._monitors: Dict[str, TableSubscriber] = {}
         self._signing = signing
         self._hear_monitors(som)
@@ -387,10 +386,7 @@ class ReconfiguratorNode:
             self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
-        before = self._health_began.get(host, 0)
-        anew = before not in (0, message.began)  # another monitor
-        self._health_began[host] = message.began
-        self._heard(names.HEALTH, lambda: wire.health_seen(message, anew, host))
+        self._heard(names.HEALTH, lambda: wire.health_seen(message, host))
 
     def _calibrated(self, message: msg.Calibrations) -> None:
         self._heard(names.CALIBRATIONS, lambda: wire.calibrations_heard(message))

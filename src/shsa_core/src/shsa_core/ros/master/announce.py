@@ -4,7 +4,7 @@ It tells with three threads and no timeout: while three subscribers hang, nobody
 publisher. `remind` tells of our own; `Introductions` looks whether others were heard of.
 """
 import threading
-from functools import partial
+from functools import lru_cache, partial
 from math import inf
 from typing import Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
 from typing import Sequence, Tuple
@@ -16,14 +16,9 @@ from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, connected, master_api, node_api
 from shsa_core.ros.workers import Workers
 
-Registered = Dict[str, str]
-"""Topics and their types."""
-Graph = Sequence[Tuple[str, List[str]]]
-"""Topics, and the nodes that publish or subscribe each."""
 
-
-def _registered() -> Tuple[Registered, Registered]:
-    """Return the topics that this process publishes, and those that it subscribes."""
+def _registered() -> Tuple[Dict[str, str], Dict[str, str]]:
+    """Return the topics and types that this process publishes, and that it subscribes."""
     manager = rospy.topics.get_topic_manager()
     with manager.lock:  # rospy reads both without it, while another thread may register
         return dict(manager.get_publications()), dict(manager.get_subscriptions())
@@ -36,6 +31,7 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
     Raises one of FAILURES.
     """
     master = master_api()
+    uri = lru_cache(maxsize=None)(master.lookupNode)  # the same few nodes have many topics
     publishing, subscribing, _ = master.getSystemState()
     known = {topic for topic, nodes in publishing if rospy.get_name() in nodes}
     if set(topics).intersection(_registered()[0]) - known:
@@ -43,8 +39,8 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
     for topic in topics:
         nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
         if nodes:
-            publishers = [master.lookupNode(node) for node in of_topic(publishing, topic)]
-            tell([master.lookupNode(node) for node in nodes], topic, publishers)
+            publishers = [uri(node) for node in of_topic(publishing, topic)]
+            tell(map(uri, nodes), topic, publishers)
 
 
 def _register_again() -> None:
@@ -57,7 +53,7 @@ def _register_again() -> None:
         master.registerSubscriber(topic, kind, uri)
 
 
-def of_topic(state: Graph, topic: str) -> List[str]:
+def of_topic(state: Sequence[Tuple[str, List[str]]], topic: str) -> List[str]:
     """Return the nodes that publish or subscribe a topic, by one part of getSystemState."""
     return [node for name, nodes in state if name == topic for node in nodes]
 

@@ -198,14 +198,15 @@ class MasterWatch:
             self._look_at = now
 
     def _introduce(self, state: State, now: float) -> None:
-        pairs = [pair for pair in state.parts[Part.PUBLISHER] if pair[0] in self._topics]
-        uris = self._calls.look_up("lookupNode", {node for _, node in pairs})
-        found = frozenset(Publisher(t, n, uris[n]) for t, n in pairs if n in uris)
+        parts = state.parts[Part.PUBLISHER], state.parts[Part.SUBSCRIBER]
+        offered, heard = ([pair for pair in part if pair[0] in self._topics] for part in parts)
+        uris = self._calls.look_up("lookupNode", {node for _, node in (*offered, *heard)})
+        found = frozenset(Publisher(t, n, uris[n]) for t, n in offered if n in uris)
         self._introductions.heed(now, found)
         for new in self._introductions.due(now):
             if self.acts and not self._is_ours(new.node):  # our substitutes tell by themselves
-                nodes = {node for name, node in state.parts[Part.SUBSCRIBER] if name == new.topic}
-                self._introductions.introduce(new, self._calls.look_up("lookupNode", nodes))
+                nodes = {n: uris[n] for topic, n in heard if topic == new.topic and n in uris}
+                self._introductions.introduce(new, nodes)
 
     def _graph(self, state: State) -> Graph:
         nodes = {node for pairs in state.parts.values() for _, node in pairs}

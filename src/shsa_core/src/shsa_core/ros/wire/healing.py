@@ -47,7 +47,7 @@ def last_message(message: bytes) -> bytes:
     return message if len(message) <= LAST_MESSAGE_B else b""
 
 
-def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> events.HealthSeen:
+def health_seen(health: msg.Health, host: str = "") -> events.HealthSeen:
     """Return the event of a message on /shsa/health. Raises ShsaError if it is none.
 
     `host`: the computer whose monitor sent it.
@@ -59,7 +59,7 @@ def health_seen(health: msg.Health, anew: bool = False, host: str = "") -> event
         rows=tuple(_publisher_health(row, ahead) for row in health.publishers),
         removed=tuple((topic, publisher) for topic, _, publisher in keys),
         whole=health.whole,
-        anew=anew,
+        began=health.began,
         host=host,
     )
 
