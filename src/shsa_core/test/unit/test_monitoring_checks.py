@@ -18,13 +18,14 @@ from monitor_bench import (
 )
 
 from shsa_core.model.checks import (
-    REGISTRY,
+    Checks,
     Frame,
     FutureStamp,
     Jump,
     Length,
     NotANumber,
     OutOfRange,
+    REGISTRY,
     RateHigh,
     RateLow,
     StaleStamp,
@@ -340,7 +341,10 @@ def test_what_is_not_usual_is_told_once_and_is_no_failure() -> None:
     assert len(bench.told) == 3 and "-0.2 to 0.5 are usual" in bench.told[0]
     for health in bench.core.overview():
         assert str(health.condition) == "doubtful" and "is -0.35" in health.detail
-    bench.stream(20, "/odometry_n", 0.1, "/odometry")
+    for value, count in ((0.1, Checks.of - 1), (-0.35, 1), (0.1, Checks.of - 1)):
+        bench.stream(count, "/odometry_n", value, "/odometry")
+        assert "is -0.35" in bench.rows["/odometry", "/odometry_n"].detail
+    bench.stream(1, "/odometry_n", 0.1, "/odometry")
     assert bench.rows["/odometry", "/odometry_n"].detail == ""
 
 

@@ -158,6 +158,10 @@ def test_services_that_share_a_topic_do_each_as_their_own_node_does() -> None:
     conditions = {name: each.condition for name, each in found.items()}
     assert conditions == {"left": Condition.HEALTHY, "right": Condition.LOST}
     assert [each.publisher for each in found["left"].publishers] == ["/left"]
+    bench.connect(STRANGER, "/joints")
+    bench.stream(60, STRANGER, topic="/joints")
+    for each in bench.core.overview():
+        assert STRANGER in [row.publisher for row in each.publishers]
 
 
 def test_a_row_has_its_publishers_as_values(monkeypatch: pytest.MonkeyPatch) -> None:
