@@ -177,6 +177,17 @@ def test_the_stated_error_grows_with_age_and_where_two_derivations_part(
     assert rms(robot) > aged + 0.5
 
 
+def test_a_law_that_remembers_is_compared_while_a_substitute_publishes(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, service("position"), POWER)
+    robot.run(90.0)
+    substitute(robot)
+    stand_in(robot, 20.0)
+    stand_in(robot, 4.0, power=60.0)
+    for name in ("position", "power"):
+        found = robot.of("load", name)
+        assert found is not None and found.error is not None and found.error.rms > 8.0
+
+
 def test_the_stated_error_grows_and_shrinks_also_while_nobody_publishes(
     ontology: Ontology,
 ) -> None:
