@@ -229,6 +229,15 @@ def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> N
     assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
 
 
+def test_nothing_is_started_again_for_a_service_that_left_the_som() -> None:
+    robot = Robot(standby("hot"))
+    node = only(robot.said, events.StartSubstitute).node
+    robot.handle(events.ProcessExited(5.0, node, "status 1"))
+    rest = [each for each in robot.som if not each.needed]
+    robot.handle(events.SomChanged(5.1, Som(rest)))
+    assert robot.core.deadline is None
+
+
 @pytest.mark.parametrize("moved", [True, False], ids=["another topic", "another publisher"])
 def test_a_hot_substitute_reads_by_the_som_of_now(moved: bool) -> None:
     robot = Robot(standby("hot"))

@@ -81,7 +81,6 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
     for record in event.records:
         if isinstance(record, IdleProcess) and record.node in event.running:
             if not record.host and processes.pool.deadline is not None:  # it lacks one
-                health.substitutes.add(record.node)
                 processes.add_idle(record)
     for each in stand:
         commands += _take_up_service(core, event, each)

@@ -144,7 +144,6 @@ def end(service: ServiceMachine, _: Failure) -> List[Command]:
 def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
     """Heal the service no longer."""
     commands = service.substitute.drop()
-    service.timers.clear()
     if service.state is State.WELL:
         return commands
     return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
