@@ -15,7 +15,7 @@ export PYTHONDONTWRITEBYTECODE :=
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    JOBS=2: run every test, so many robots at once and one that mostly waits"
+	@echo "make test    JOBS=2: run every test, so many robots at once"
 	@echo "make test-long   the same with five times as many random cases, and more trials on robots"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make deb     Debian packages for the ROS of this system; see build/deb/"
@@ -38,8 +38,8 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# See conftest.py for their order, what stays together, and what the last two workers run.
-WORKERS = $(shell expr $(JOBS) + 2)
+# See conftest.py for their order, what stays together, and what the last worker runs.
+WORKERS = $(shell expr $(JOBS) + 1)
 
 test: build sshd
 	@$(ENV) && $(PYTHON) -m pytest -n $(WORKERS)

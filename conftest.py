@@ -1,9 +1,8 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
 Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
-wait for much of theirs. Of four or more the one before it runs the robots that hardly do anything
-else. Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N
-failed`.
+wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
+with `N passed, N failed`.
 """
 import fcntl
 import os
@@ -39,11 +38,6 @@ PRECISE = (
     *("monitor_detection", "substitute", "init"),
 )
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
-WAITING = (
-    *("test_master", "monitor_parameters", "monitor_checks", "gateways", "maintenance", "alone"),
-    *("agent", "sim_time", "estimator", "steering", "serial"),
-)
-"""Robots, by their case or file, that take less than half of a processor; the longest first."""
 LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
 SHARE, LOWEST = "/proc/self/autogroup", "19"
 """Of processor time, of all processes in a session."""
@@ -74,19 +68,9 @@ def gives_way(worker: str, count: int) -> bool:
     return count >= 3 and worker == f"gw{count - 1}"
 
 
-def waits(worker: str, count: int) -> bool:
-    """Return whether a worker of so many, by name, runs robots that mostly wait."""
-    return count >= 4 and worker == f"gw{count - 2}"
-
-
 def case(nodeid: str) -> str:
     """The parameters of a test."""
     return nodeid.partition("[")[2][:-1]
-
-
-def is_one(nodeid: str, names: Tuple[str, ...]) -> bool:
-    """Return whether a test is named, by its case or its file."""
-    return not {case(nodeid), module(nodeid)}.isdisjoint(names)
 
 
 @pytest.hookimpl(hookwrapper=True)  # type: ignore[misc]
@@ -95,7 +79,7 @@ def pytest_runtest_protocol(item: Any) -> Iterator[None]:
     if module(item.nodeid) not in ROBOTS:
         yield
         return
-    alone = is_one(item.nodeid, PRECISE)
+    alone = not {case(item.nodeid), module(item.nodeid)}.isdisjoint(PRECISE)
     with open(LOCK, "w") as lock, open(f"{LOCK}.gate", "w") as gate:
         fcntl.flock(gate, fcntl.LOCK_EX)  # who waits to be alone lets nobody else in meanwhile
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
@@ -141,21 +125,16 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
                 super()._reschedule(node)
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Have the last workers do what they are for, and the others do that last."""
-            scopes = list(self.workqueue)
-            if gives_way(node.gateway.id, self.numnodes):
-                scopes = [scope for scope in scopes if computes(scope)]
-            elif waits(node.gateway.id, self.numnodes):
-                scopes = [scope for scope in scopes if is_one(scope, WAITING)]
-            if not scopes:
-                node.shutdown()
-                return
+            """Have the worker that gives way, if there is one, compute; the others do so last."""
             if self.numnodes >= 3:
+                last = gives_way(node.gateway.id, self.numnodes)
+                turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
+                scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
+                if not scopes:
+                    node.shutdown()
+                    return
                 self.workqueue.move_to_end(min(scopes, key=turn), last=False)
             super()._assign_work_unit(node)
-
-    def turn(scope: str) -> Tuple[bool, bool, bool]:
-        return computes(scope), is_one(scope, WAITING), module(scope) not in ROBOTS
 
     return Scheduling(config, log)
 
