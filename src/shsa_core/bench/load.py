@@ -331,6 +331,7 @@ def main() -> int:
                     ask_to_leave(process)
             bench.end()
             robot.end()
+            graph.healing.forget()
     show(trials)
     judge(trials).show(options.results / "load_goals.csv")
     return 1 if misses else 0

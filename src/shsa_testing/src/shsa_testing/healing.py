@@ -72,6 +72,10 @@ class HealedRobot:
         rows = {row.service: row for row in change.services}
         self._services = _changed(self._services, change, rows)
 
+    def forget(self) -> None:
+        """Forget what a healing that has ended has told."""
+        self._substitutions, self._services = {}, {}
+
     @property
     def substitutions(self) -> List[Substitution]:
         """The rows of processes in the table of substitutions.
