@@ -60,7 +60,8 @@ class Health:
 
     def healthy(self, key: Key) -> bool:
         """Tell that a publisher of a topic does well."""
-        return key[1] in self.well(key[0])
+        row = self.row(key)
+        return row is not None and row.is_well
 
     @property
     def doomed(self) -> Set[str]:
@@ -90,8 +91,7 @@ class Health:
         if anew or (self._unheard and self.due is None):
             self.due = change.time + START_S
         if anew:
-            known = self._told(change.host)
-            self._unheard.update((key, None) for key in known if self.healthy(key))
+            self._unheard.update(dict.fromkeys(filter(self.healthy, self._told(change.host))))
         rows = self._returned(change.time, self._heard(change))
         gone = list(change.removed)
         if change.whole:

@@ -70,8 +70,7 @@ class SomWatch:
         with self._lock:
             changed = {**self._som.services, service.name: service}
             self._som = self._som.with_services(changed.values())
-            name = f"{self._name}/services/{service.name}"
-            _ask(lambda: rospy.set_param(name, service_parameters(service)))
+            self._show(service)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
@@ -105,8 +104,8 @@ class SomWatch:
                 som, errors = self._merge(value, self._file)
         except ModelError as refusal:
             errors.append(refusal)
-        if self._reread is not None:
-            self._put_back_services(som, value)  # before it is said: who hears that may set anew
+        for service in () if self._reread is None else _otherwise(value, som):
+            self._show(service)  # before it is said: who hears that may set anew
         texts = [str(each) for error in errors for each in error.errors]
         new = [text for text in texts if text not in self._said]
         for text in new[:MOST_SAID]:
@@ -128,8 +127,7 @@ class SomWatch:
         what = "the SOM file alone counts, since live_parameters is false"
         return self._file, [
             ModelError(f"{self._name}/services/{service.name}", what)
-            for service in self._file
-            if value["services"].get(service.name) != service_parameters(service)
+            for service in _otherwise(value, self._file)
         ]
 
     def _file_is_new(self) -> bool:
@@ -138,13 +136,10 @@ class SomWatch:
         self._file = before if self._reread is None else self._reread()
         return self._file != before
 
-    def _put_back_services(self, som: Som, value: Any) -> None:
-        """Have the server show each service as it counts."""
-        for service in som:
-            plain = service_parameters(service)
-            if value["services"].get(service.name, plain) != plain:
-                name = f"{self._name}/services/{service.name}"
-                _ask(lambda: rospy.set_param(name, plain))
+    def _show(self, service: Service) -> None:
+        """Have the server show a service as it counts."""
+        name = f"{self._name}/services/{service.name}"
+        _ask(lambda: rospy.set_param(name, service_parameters(service)))
 
     def _put_back(self, value: object) -> None:
         """No service is left at shsa/som: the last ones stay. A master that is new has nothing."""
@@ -165,6 +160,11 @@ def _contents(value: object) -> str:
 def _names(value: object) -> Set[str]:
     services = value.get("services") if isinstance(value, dict) else None
     return set(services) if isinstance(services, dict) else set()
+
+
+def _otherwise(value: Any, som: Som) -> List[Service]:
+    """Return the services that lie at shsa/som otherwise than they count, or not at all."""
+    return [s for s in som if value["services"].get(s.name) != service_parameters(s)]
 
 
 def _ask(question: Callable[[], Any]) -> Optional[Any]:
