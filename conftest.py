@@ -44,9 +44,7 @@ SHARE, LOWEST = "/proc/self/autogroup", "19"
 
 # Files run side by side: a second thread of a small matrix only spins.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# The machine may be busy: time proves nothing. Of what is made at random `make test` tries some.
-EXAMPLES = 100 if os.environ.get("SHSA_LONG") else 40
-settings.register_profile("busy", deadline=None, max_examples=EXAMPLES)
+settings.register_profile("busy", deadline=None)  # the machine may be: time proves nothing
 settings.load_profile("busy")
 
 
@@ -118,11 +116,6 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
     class Scheduling(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
-
-        def _reschedule(self, node: Any) -> None:
-            """Give a worker one test ahead, and not two: another one may be free before it."""
-            if self._pending_of(self.assigned_work[node]) <= 1:
-                super()._reschedule(node)
 
         def _assign_work_unit(self, node: Any) -> None:
             """Have the worker that gives way, if there is one, compute; the others do so last."""

@@ -25,10 +25,8 @@ SELDOM: Dict[str, str] = {
     "flapping": "policies.test",
     "gates": "gate.test",
     "hang": "bridging.test",
-    "heal_amperemeter": "heal_every_topic.test",
     "heal_repeatedly": "takeover.test",
     "hot_hosts": "test_sharing.py",
-    "killing_table": "test_killing_table.py",
 }
 """Rostests of `make test-long` alone, and what stands for each of them in `make test`."""
 LONGEST = 8000

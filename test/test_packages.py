@@ -100,8 +100,7 @@ def installed(tmp_path_factory: Any) -> Installed:
     return Installed(tmp_path_factory.mktemp("packages"))
 
 
-@pytest.mark.skipif(not LONG, reason="builds each of them: make test-long; test_install looks")
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", PACKAGES if LONG else ROBOT)
 def test_a_package_stands_alone(name: str, installed: Installed) -> None:
     package, prefix = PACKAGES[name], installed.prefix(name)
     share = prefix / "share" / name
