@@ -415,22 +415,42 @@ def child() -> Iterator[psutil.Process]:
 
 
 @pytest.mark.parametrize("answer", [[1, "", [["driver-1"], []]], [1, "", 7], ["x"], {"a": 1}])
-def test_a_launch_that_answers_nonsense_protects_nobody(child: psutil.Process, answer: Any) -> None:
+def test_a_launch_that_answers_nonsense_protects_nobody(
+    nodes: Nodes, child: psutil.Process, answer: Any
+) -> None:
     launch = StrangeNode(value(answer))
+    rosgraph.Master("/test").setParam(URIS, {"launch": launch.uri})
     assert protection(NAME, child, ()) == ""
     assert launch.calls
     launch.end()
+    rosgraph.Master("/test").deleteParam(URIS)
 
 
 def test_the_launch_that_has_started_a_node_protects_it_and_no_other(
-    nodes: Nodes, child: psutil.Process
+    nodes: Nodes, child: psutil.Process, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Anybody may say at /roslaunch/uris that he has, or that nobody has."""
     for process, why in ((child, 'its launch file says required="true"'), (psutil.Process(), "")):
         told = value([1, "", {"pid": process.pid, "required": True}])
         listed = value([1, "", [[["driver-1", 1]], []]])
         launch = StrangeNode(value(7), list_processes=listed, process_info=told)
+        monkeypatch.setattr(kernel, "started_by_launch", lambda pid, own=child.pid: pid == own)
         rosgraph.Master("/test").setParam(URIS, {} if why else {"stranger": launch.uri})
         assert protection(NAME, process, ()) == why
         launch.end()
     rosgraph.Master("/test").deleteParam(URIS)
+
+
+@pytest.mark.parametrize("uris", [None, 7, {"a": 7}, {"other": "http://127.0.0.1:9/"}])
+def test_a_parent_that_is_no_launch_is_not_called(
+    nodes: Nodes, child: psutil.Process, uris: Any
+) -> None:
+    """What listens in it may be anything, as rospy's server for consumers: a call blocks that."""
+    parent = StrangeNode(value(7))
+    if uris is not None:
+        rosgraph.Master("/test").setParam(URIS, uris)
+    assert protection(NAME, child, ()) == ""
+    assert not parent.calls
+    parent.end()
+    if uris is not None:
+        rosgraph.Master("/test").deleteParam(URIS)

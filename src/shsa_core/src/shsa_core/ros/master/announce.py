@@ -4,6 +4,7 @@ It tells with three threads and no timeout: while three subscribers hang, nobody
 publisher. `remind` tells of our own; `Introductions` looks whether others were heard of.
 """
 import threading
+from contextlib import suppress
 from functools import lru_cache, partial
 from math import inf
 from typing import Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
@@ -62,10 +63,8 @@ def tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
     """Tell the full list of publishers, each in a thread: a hung subscriber delays nobody."""
 
     def call(subscriber: str) -> None:
-        try:
+        with suppress(*FAILURES):  # it is away, or asks the master itself later
             _update(subscriber, topic, publishers)
-        except FAILURES as error:
-            rospy.logdebug("%s was not told of %s: %s", subscriber, topic, error)
 
     for subscriber in subscribers:
         threading.Thread(target=call, args=(subscriber,), daemon=True).start()

@@ -61,8 +61,6 @@ class KnowledgeFile:
             pairs = {part: told["parts"][part.value] for part in Part}
             parts = {part: frozenset((name, node) for name, node in pairs[part]) for part in Part}
             return Known(told["pid"], Graph(parts, told["nodes"], told["providers"]))
-        except FileNotFoundError:
-            return Known()
         except (OSError, ValueError, LookupError, TypeError) as error:
             rospy.logdebug("%s is not read: %s", self._path, error)
             return Known()

@@ -7,7 +7,6 @@ master cannot tell of a publisher are told directly (`announce`).
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor, wait
-from functools import partial
 from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional
 from typing import Sequence, Set, Tuple
 
@@ -266,7 +265,7 @@ class MasterWatch:
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
         """Return what nodes that answer soon say of themselves; one that has gone is settled."""
-        asked = {self._nodes.submit(partial(_said, uri)): node for node, uri in nodes.items()}
+        asked = {self._nodes.submit(_said, uri): node for node, uri in nodes.items()}
         told: Dict[str, Said] = {}
         for answer in wait(asked, settings.CALL_S).done:  # who answers later is asked again
             node, error = asked[answer], answer.exception()

@@ -31,7 +31,6 @@ from shsa_core.ros.workers import Workers
 
 Work = Callable[[Any], object]
 """Carries out a command."""
-WHY = "it failed, and is healed"
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 
@@ -196,7 +195,7 @@ def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambd
     try:
         uri = nodes.uri(node)
         if uri:
-            ask(uri, "shutdown", WHY)
+            ask(uri, "shutdown", "it failed, and is healed")
             answered()
     except FAILURES as error:
         if process is None:

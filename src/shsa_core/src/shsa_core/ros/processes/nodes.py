@@ -5,6 +5,7 @@ both. A process is taken for a node if it listens there by the kernel's word, is
 and says itself that it publishes the topic, as the master does.
 """
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set, Tuple
@@ -14,8 +15,8 @@ import rospy
 
 from shsa_core.healing.events import Where
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, Address, located, master_api, node_api, pid
-from shsa_core.ros.master.node_api import resolved, topics, uri_at, uri_of
+from shsa_core.ros.master.node_api import FAILURES, Address, address, located, master_api
+from shsa_core.ros.master.node_api import node_api, pid, resolved, topics, uri_at, uri_of
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.owners import answers_at, is_local, listener, listening
 
@@ -235,12 +236,16 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
 
 def _is_required(node: str, process: psutil.Process) -> bool:
     """Return whether the roslaunch that has started a node ends with it."""
-    try:  # its parent is asked: at `/roslaunch/uris`, where anybody writes, a stranger may be
+    with suppress(*FAILURES, psutil.Error, AttributeError):
         rows = psutil.Process(process.ppid()).connections("tcp")
-    except (psutil.Error, OSError):
-        return False
-    places = [Address(*row.laddr) for row in rows if row.status == psutil.CONN_LISTEN]
-    return any(_requires(uri_at(each), node, process.pid) for each in places)
+        places = [Address(*row.laddr) for row in rows if row.status == psutil.CONN_LISTEN]
+        if places and not kernel.started_by_launch(
+            process.pid
+        ):  # only what says it is one is called
+            uris = master_api().getParam("/roslaunch/uris").values()
+            places = [each for each in places if each.port in {address(uri).port for uri in uris}]
+        return any(_requires(uri_at(each), node, process.pid) for each in places)
+    return False
 
 
 def _requires(uri: str, node: str, pid: int) -> bool:
