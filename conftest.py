@@ -38,6 +38,7 @@ PRECISE = (
     *("monitor_detection", "substitute", "init"),
 )
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
+ONE_BY_ONE = "the precise ones"
 LOCK = os.path.join(tempfile.gettempdir(), f"shsa_robots_of_{os.getuid()}.lock")
 SHARE, LOWEST = "/proc/self/autogroup", "19"
 """Of processor time, of all processes in a session."""
@@ -61,6 +62,11 @@ def computes(file: str) -> bool:
     return not WAITS.search((Path(__file__).parent / file.split("::")[0]).read_text("utf-8"))
 
 
+def precise(nodeid: str) -> bool:
+    """Return whether a test, by its name, judges milliseconds."""
+    return not {case(nodeid), module(nodeid)}.isdisjoint(PRECISE)
+
+
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
     return count >= 3 and worker == f"gw{count - 1}"
@@ -77,7 +83,7 @@ def pytest_runtest_protocol(item: Any) -> Iterator[None]:
     if module(item.nodeid) not in ROBOTS:
         yield
         return
-    alone = not {case(item.nodeid), module(item.nodeid)}.isdisjoint(PRECISE)
+    alone = precise(item.nodeid)
     with open(LOCK, "w") as lock, open(f"{LOCK}.gate", "w") as gate:
         fcntl.flock(gate, fcntl.LOCK_EX)  # who waits to be alone lets nobody else in meanwhile
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
@@ -110,19 +116,30 @@ def pytest_collection_modifyitems(items: List[Any]) -> None:
 
 @pytest.hookimpl(optionalhook=True)  # type: ignore[misc]
 def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
-    """Keep the tests of a file together, but for those that share nothing."""
+    """Keep the tests of a file together, but for those that share nothing; and the precise ones."""
     from xdist.scheduler import LoadScopeScheduling
 
     class Scheduling(LoadScopeScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
+            if precise(nodeid):
+                return ONE_BY_ONE
             return nodeid if module(nodeid) in ALONE else nodeid.split("::")[0]
 
         def _assign_work_unit(self, node: Any) -> None:
-            """Have the worker that gives way, if there is one, compute; the others do so last."""
+            """Have the worker that gives way, if there is one, compute; the others do so last.
+
+            They begin with robots. One of them then runs those that are alone, and the other what
+            is no robot: none waits for the other.
+            """
+
+            def turn(scope: str) -> int:
+                if scope == ONE_BY_ONE:
+                    return 1
+                return 3 if computes(scope) else 2 * (module(scope) not in ROBOTS)
+
             if self.numnodes >= 3:
                 last = gives_way(node.gateway.id, self.numnodes)
-                turn = lambda scope: (computes(scope), module(scope) not in ROBOTS)
-                scopes = [scope for scope in self.workqueue if not last or turn(scope)[0]]
+                scopes = [scope for scope in self.workqueue if not last or turn(scope) == 3]
                 if not scopes:
                     node.shutdown()
                     return
