@@ -6,7 +6,8 @@ import pytest
 from monitor_bench import NODE, PERIOD, SETTINGS, TOPIC, Bench, service
 from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Log
-from shsa_core.monitoring.events import ClockTicked, Command, FormerlyHealthy, Subscribed, Tick
+from shsa_core.monitoring.events import ClockTicked, Command, Ending, FormerlyHealthy
+from shsa_core.monitoring.events import Subscribed, Tick
 
 OTHERS = [(f"/topic_{number}", f"/node_{number}") for number in range(4)]
 
@@ -113,6 +114,31 @@ def test_what_the_reconfigurator_says_later_changes_nothing() -> None:
     bench.stream(10)
     bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE), ("/unknown", "/nobody"))))
     bench.stream(100)
+    assert bench.failures == []
+
+
+@pytest.mark.parametrize("told_first", [True, False])
+def test_who_was_well_and_is_gone_is_missed_though_a_substitute_was_heard(told_first: bool) -> None:
+    """It had filled in, and nobody had told yet that it is one."""
+    bench = Bench(alone=True)
+    bench.connect("/substitute_1")
+    bench.stream(20, "/substitute_1")
+    if told_first:
+        bench.substitutes(("/substitute_1", False))
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    bench.substitutes(("/substitute_1", False))
+    bench.wait(1.0)
+    assert bench.kinds() == [(NODE, "never_published")]
+
+
+def test_who_was_well_and_was_ended_with_its_launch_is_not_missed() -> None:
+    bench = Bench()
+    bench.connect()
+    bench.stream(60)
+    bench.send(Ending(bench.now, (NODE,)))
+    bench.disconnect()
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    bench.wait(20.0)
     assert bench.failures == []
 
 

@@ -197,7 +197,7 @@ class Monitor:
             board.expect(topic)
             self._start_up.left(topic)
         if publisher.name in self._ending_nodes:
-            watched.due = inf  # nobody is awaited: who comes is welcome
+            watched.came, watched.due = False, inf  # nobody is awaited: who comes is welcome
 
     def _may_stop(self, publisher: Publisher) -> bool:
         """Tell if nobody is to blame for it that a publisher stops."""

@@ -31,12 +31,12 @@ class StartUp:
                 watched.due = max(watched.due, self._board.now + self._grace)
 
     def expect(self, event: FormerlyHealthy) -> None:
-        """Miss those soon that did well under a former monitor."""
+        """Miss those soon that did well under a former monitor, whoever was heard instead."""
         self._robot_came = self._robot_came or bool(event.publishers)
-        for name, publisher in event.publishers:
-            topic = self._board.topics.get(name)
-            watched = self._board.watched_of(topic, publisher) if topic else None
-            if topic and watched and watched.due < inf:
+        topics = self._board.topics
+        for topic, publisher in ((topics[n], p) for n, p in event.publishers if n in topics):
+            watched = self._board.watched_of(topic, publisher)
+            if watched.due < inf or (watched.came and publisher not in topic.publishers):
                 watched.formerly = publisher, event.time
                 if topic.subscribed:
                     self._await(watched, min(watched.due, self._due(watched)))
