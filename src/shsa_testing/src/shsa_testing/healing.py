@@ -65,6 +65,8 @@ class HealedRobot:
             self.incidents[incident.id] = incident
 
     def _substitutions_changed(self, change: Substitutions) -> None:
+        if not change._connection_header["callerid"].endswith("/reconfigurator"):
+            return  # a stranger says so, whom healing refuses as well
         rows = {_key(row): row for row in change.substitutions}
         self._substitutions = _changed(self._substitutions, change, rows)
 
