@@ -18,7 +18,8 @@ from shsa_msgs.msg import Incident
 
 from shsa_core.files.som_file import added_path
 from shsa_testing.faulty_publisher import FaultyNode
-from shsa_testing.graph import kill_hard, node_process, registered_nodes, subscribers
+from shsa_testing.graph import kill_hard, node_process, publishers
+from shsa_testing.graph import registered_nodes, subscribers
 from shsa_testing.healing import TopicRecord
 from shsa_testing.processes import end_process
 from shsa_testing.processes import running as runs
@@ -135,6 +136,26 @@ def test_4_the_master_and_the_reconfigurator_may_die_together(robot: Robot) -> N
     for topic in ("/hot", "/warm"):
         robot.healing.await_state(topic, "healed")
         robot.returned(topic, f"{topic}_node")
+    robot.settle()
+
+
+def test_4_a_reconfigurator_that_came_just_before_the_master_died_is_known_to_the_next(
+    robot: Robot,
+) -> None:
+    def where() -> str:
+        with suppress(rosgraph.MasterException):  # nobody serves
+            return str(rosgraph.Master("/test").lookupService("/shsa/reload"))
+        return ""
+
+    former = where()
+    end_process(reconfigurator())
+    robot.start_reconfigurator()
+    wait_until(lambda: where() not in ("", former), 20.0, "another one serves")
+    robot.master.kill()
+    robot.master.wait()
+    robot.start_master()
+    known = lambda: "/reconfigurator" in publishers("/shsa/substitutions")
+    wait_until(known, 10.0, "the master knows it")
     robot.settle()
 
 

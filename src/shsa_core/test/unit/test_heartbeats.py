@@ -16,6 +16,7 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
+from shsa_core.ros.processes import heartbeats
 from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
@@ -68,11 +69,12 @@ def test_only_its_hearer_can_answer_a_heartbeat_also_after_that_began_anew(role:
     """Anybody can see the address of a socket in the system's space."""
     heart = Heart(role)
     for cut_off in (True, False):
-        signs = Signs(role, lambda: cut_off)
+        signs = Signs(role, lambda: CUT_OFF if cut_off else b"7")
 
         def told() -> bool:
             heart.beat(at_once=True)
-            return signs.last.get("/test") is not None and heart.cut_off is cut_off
+            cut = heart.cut_off or heart.answer != b"7"
+            return signs.last.get("/test") is not None and cut is cut_off
 
         wait_until(told, 10.0, "its hearer answers")
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
@@ -172,7 +174,7 @@ def test_who_is_heard_is_told_whether_the_reconfigurator_is_in_reach(
 
     heart.beat()
     assert not heart.cut_off  # nobody says so
-    signs = Signs(role, cut_off=lambda: away[0])
+    signs = Signs(role, lambda: CUT_OFF if away[0] else b"7")
     wait_until(lambda: told(True), 5.0, "it is cut off")
     away[0] = False
     wait_until(lambda: told(False), 5.0, "it is in reach")
@@ -265,3 +267,21 @@ os._exit(0)
     signs = Signs(role)
     Heart(role).beat()
     wait_until(lambda: signs.last.get("/test"), 5.0, "a heartbeat")
+
+
+def test_who_is_heard_registers_once_with_a_master_that_was_started_anew(
+    role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heart, answers, registered = Heart(role), [b""], []
+    monkeypatch.setattr(heartbeats, "register_again", lambda: registered.append(answers[-1]))
+    Signs(role, lambda: answers[-1])
+
+    def answered() -> bool:
+        heart.beat(at_once=True)
+        return heart.answer == answers[-1]
+
+    for answer in (b"7", CUT_OFF, b"7", b"8", CUT_OFF, b"8", b"9"):
+        answers.append(answer)
+        wait_until(answered, 5.0, "it is answered")
+    wait_until(lambda: len(registered) == 2, 5.0, "it has registered with both")
+    assert registered[-1] == b"9"

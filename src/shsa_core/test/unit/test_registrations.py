@@ -58,12 +58,6 @@ def test_what_a_node_has_left_is_not_registered_and_neither_is_what_nobody_knew(
     assert [each.name for each in to_register(KNOWN, NOTHING, said)] == ["/y"]
 
 
-def test_our_own_substitutes_are_registered_as_they_say() -> None:
-    said = {"/b": said_of({"/z": "t/Z", "no name": "t/Z"}, {"/y": "t/Y"})}
-    found = to_register(KNOWN, NOTHING, said, ["/b"])
-    assert [each.name for each in found] == ["/z", "/y"]
-
-
 def test_a_node_that_has_not_answered_yet_is_not_forgotten() -> None:
     others = to_register(KNOWN, NOTHING, {"/b": SAID["/b"]})
     subscribed = frozenset((each.name, each.node) for each in others)

@@ -4,7 +4,7 @@ Nothing is made up: what is registered again is what the master said itself, and
 it said it of says still. A node that has registered anew meanwhile is left as it is.
 """
 import re
-from typing import Any, Collection, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Set, Tuple
+from typing import Any, Collection, Dict, FrozenSet, List, Mapping, NamedTuple, Set, Tuple
 
 from shsa_core.model.kinds import Word
 
@@ -101,24 +101,20 @@ def to_ask(known: Graph, now: Graph) -> Dict[str, str]:
     return found
 
 
-def to_register(
-    known: Graph, now: Graph, said: Mapping[str, Said], ours: Iterable[str] = ()
-) -> List[Registration]:
+def to_register(known: Graph, now: Graph, said: Mapping[str, Said]) -> List[Registration]:
     """Return what nodes have lost, in the order in which it is to be registered.
 
-    `said`: by node, for those that have answered at their URI. `ours`: of these all that they say
-    is registered, as they may have come to it while there was no master.
+    `said`: by node, for those that have answered at their URI.
     """
-    ours = frozenset(ours)
     asked = to_ask(known, now)
+    lost = {part: pairs - now.parts[part] for part, pairs in known.parts.items()}
     found: List[Registration] = []
     for node in [each for each in said if each in asked]:
         for part, topics in said[node].items():
             for topic, kind in topics.items():
-                wanted = (topic, node) in known.parts[part] or (node in ours and is_name(topic))
-                if wanted and (topic, node) not in now.parts[part]:
+                if (topic, node) in lost[part]:
                     found.append(Registration(part, node, topic, kind, asked[node]))
-        for name, provider in known.parts[Part.SERVICE] - now.parts[Part.SERVICE]:
+        for name, provider in lost[Part.SERVICE]:
             if provider == node and name in known.providers:
                 where = known.providers[name]
                 found.append(Registration(Part.SERVICE, node, name, where, asked[node]))

@@ -91,9 +91,17 @@ class ReconfiguratorNode:
         self._queue: "queue.Queue[Callable[[], object]]" = queue.Queue()
         self._launch = Launch()
         self._followed = followed
-        signs = Signs(RECONFIGURATOR)
-        self._companion = Companion(MONITOR, signs)
         prefix = self._core.names.prefix
+        self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
+        self._healed: Optional[Set[str]] = None  # topics, as far as people were told
+        self._master = MasterWatch(
+            lambda node: node.startswith(prefix),
+            self._see_graph,
+            KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
+            self._core.robot.acts(som),
+        )
+        signs = Signs(RECONFIGURATOR, lambda: str(self._master.pid or "").encode())
+        self._companion = Companion(MONITOR, signs)
         types = sorted({service.type for service in som if service.type})
         ready = lambda: self._put(events.Prepared(clock.now()))
         # Beside our own journal.
@@ -139,15 +147,7 @@ class ReconfiguratorNode:
             signing,
             self._companion,
         )
-        self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
-        self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         # First of all: what runs goes on, and no substitute may take a name that was used.
-        self._master = MasterWatch(
-            lambda node: node.startswith(prefix),
-            self._see_graph,
-            KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
-            self._core.robot.acts(som),
-        )
         self._may_act(som)
         self._listen(som, taking_up=True)
         heritage = take_over(self._local, som, self._hosts.take_up())

@@ -24,13 +24,11 @@ from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.node import publish, run
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.launch import await_turn, hear_successor
-from shsa_core.ros.processes.heartbeats import Signs, hearer
+from shsa_core.ros.processes.heartbeats import CUT_OFF, Signs, hearer
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
-
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 class AgentNode:
@@ -38,7 +36,7 @@ class AgentNode:
 
     def __init__(self, arguments: argparse.Namespace, followed: Callable[[], bool]) -> None:
         self._name = arguments.name
-        if not NAME.fullmatch(self._name):
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", self._name):
             raise ShsaError(f"--name is {self._name!a}: letters, digits and _ are allowed")
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
@@ -50,7 +48,7 @@ class AgentNode:
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = arguments.restart_as_root or os.geteuid() != 0
-        signs = Signs(hearer(self._name), cut_off=self._cut_off)
+        signs = Signs(hearer(self._name), self._reach)
         how = Setup(prefix, signing.path, *given, forks=True, restarts=restarts)
         self._host = LocalHost(self._tell, signs, how)
         left = self._host.take_up()
@@ -74,9 +72,9 @@ class AgentNode:
         if not self._followed():
             self._host.stop_all()
 
-    def _cut_off(self) -> bool:
+    def _reach(self) -> bytes:
         with self._lock:
-            return self._end.session > 0 and not self._end.is_open(clock.now())
+            return b"" if self._end.session == 0 or self._end.is_open(clock.now()) else CUT_OFF
 
     def _watch_master(self) -> None:
         """Look now and then if the master knows us: a reconfigurator that follows must find us."""

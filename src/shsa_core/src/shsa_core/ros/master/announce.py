@@ -7,7 +7,7 @@ import threading
 from contextlib import suppress
 from functools import lru_cache, partial
 from math import inf
-from typing import Callable, Dict, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
+from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
 from typing import Sequence, Tuple
 
 import rospy
@@ -18,25 +18,14 @@ from shsa_core.ros.master.node_api import FAILURES, connected, master_api, node_
 from shsa_core.ros.workers import Workers
 
 
-def _registered() -> Tuple[Dict[str, str], Dict[str, str]]:
-    """Return the topics and types that this process publishes, and that it subscribes."""
-    manager = rospy.topics.get_topic_manager()
-    with manager.lock:  # rospy reads both without it, while another thread may register
-        return dict(manager.get_publications()), dict(manager.get_subscriptions())
-
-
 def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> None:
     """Tell the subscribers of `topics` that have not connected to us the publishers of each.
 
-    A master that was started anew just after we were may not know us: then we register again.
     Raises one of FAILURES.
     """
     master = master_api()
     uri = lru_cache(maxsize=None)(master.lookupNode)  # the same few nodes have many topics
     publishing, subscribing, _ = master.getSystemState()
-    known = {topic for topic, nodes in publishing if rospy.get_name() in nodes}
-    if set(topics).intersection(_registered()[0]) - known:
-        _register_again()
     for topic in topics:
         nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
         if nodes:
@@ -44,14 +33,17 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
             tell(map(uri, nodes), topic, publishers)
 
 
-def _register_again() -> None:
-    """Register all that this process publishes and subscribes."""
-    (publications, subscriptions), master = _registered(), master_api()
-    uri = rospy.get_node_uri()
-    for topic, kind in publications.items():
-        master.registerPublisher(topic, kind, uri)
-    for topic, kind in subscriptions.items():
-        master.registerSubscriber(topic, kind, uri)
+def register_again() -> None:
+    """Register what the master does not know of this process. Raises one of FAILURES."""
+    manager, master, uri = rospy.topics.get_topic_manager(), master_api(), rospy.get_node_uri()
+    with manager.lock:  # rospy reads both without it, while another thread may register
+        ours = manager.get_publications(), manager.get_subscriptions()
+    calls = master.registerPublisher, master.registerSubscriber
+    for topics, register, rows in zip(ours, calls, master.getSystemState()):
+        known = {topic for topic, nodes in rows if rospy.get_name() in nodes}
+        for topic, kind in topics:
+            if topic not in known:
+                register(topic, kind, uri)
 
 
 def of_topic(state: Sequence[Tuple[str, List[str]]], topic: str) -> List[str]:

@@ -17,7 +17,7 @@ from shsa_core.analysis import registrations
 from shsa_core.analysis.registrations import Graph, Pairs, Part, Registration, Said
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.announce import Introductions, Publisher, tell
+from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
 from shsa_core.ros.master.kept import Known, KnowledgeFile
 from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
@@ -118,7 +118,7 @@ class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
     `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
-    master. While `acts` is false it only looks. `file`: for what the master knows.
+    master, `pid` is its process. While `acts` is false it only looks. `file`: for what it knows.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class MasterWatch:
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._file = file
-        self._pid, self._known = file.read()
+        self.pid, self._known = file.read()
         self._parameters: Mapping[str, Any] = {}
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
@@ -169,12 +169,14 @@ class MasterWatch:
 
     def _look(self, now: float) -> None:
         introductions = self._introductions
-        if self._calls.pid() == self._pid and now < min(self._look_at, introductions.deadline):
+        if self._calls.pid() == self.pid and now < min(self._look_at, introductions.deadline):
             return
         state = self._calls.state()
         registered = {node for pairs in state.parts.values() for _, node in pairs}
-        anew = self._pid and (state.pid != self._pid or self._me not in registered)
-        self._pid = state.pid
+        anew = self.pid and (state.pid != self.pid or self._me not in registered)
+        if anew:
+            register_again()
+        self.pid = state.pid
         introductions.hung = introductions.hung & registered
         if anew:
             self._begin_anew(now)
@@ -234,8 +236,7 @@ class MasterWatch:
         asked = registrations.to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said = self._ask_all(waiting)
-        ours = filter(self._is_ours, said)
-        missing = registrations.to_register(self._former, present, said, ours)
+        missing = registrations.to_register(self._former, present, said)
         if missing:
             answers = self._calls.register(missing)
             self._tell_subscribers(zip(missing, answers), present, said)

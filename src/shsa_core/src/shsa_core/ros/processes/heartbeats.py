@@ -3,7 +3,7 @@
 A heartbeat is a datagram, sent by the loop that does the work: a process that hangs sends none. The
 kernel says who has sent it, so nobody can speak for another. Neither the ROS master nor a
 connection is needed, and a hearer that starts anew hears all of them at once. Each is answered by
-whether the reconfigurator is in reach.
+which process the master is, or that the reconfigurator is out of reach.
 """
 import hashlib
 import os
@@ -18,7 +18,9 @@ import rospkg
 import rospy
 
 from shsa_core.ros import settings
+from shsa_core.ros.master.announce import register_again
 from shsa_core.ros.trust.places import master_place
+from shsa_core.ros.workers import Workers
 
 CREDENTIALS = struct.Struct("3i")
 SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
@@ -27,7 +29,7 @@ MONITOR, RECONFIGURATOR = "monitor", "reconfigurator"
 """The hearers of heartbeats."""
 HOST = "SHSA_HOST"
 """The environment variable of a substitute that an agent has started: the agent's name."""
-IN_REACH, CUT_OFF = b"in reach", b"cut off"
+CUT_OFF = b"cut off"
 
 
 def hearer(host: str) -> str:
@@ -43,7 +45,7 @@ class Sign(NamedTuple):
 
 
 class Heart:
-    """Sends heartbeats to the hearer `role`, if there is one; it answers each."""
+    """Sends heartbeats to `role`, keeps its last `answer`, and registers us with a new master."""
 
     def __init__(self, role: str) -> None:
         self._name = rospy.get_name().encode()
@@ -52,7 +54,9 @@ class Heart:
             self._address = _address(role)
         except OSError as error:
             rospy.logwarn("Our heartbeats cannot be sent: %s", error)
-        self._due, self._answered, self._answer = 0.0, time.monotonic(), IN_REACH
+        self._due, self._answered, self.answer = 0.0, time.monotonic(), b""
+        self._master = b""
+        self._registrations = Workers("registrations")
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         # The system gives it an address with this, so that it can be answered.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -61,7 +65,7 @@ class Heart:
     @property
     def cut_off(self) -> bool:
         """True if their hearer says that the reconfigurator is out of reach."""
-        return self._answer == CUT_OFF and self.unheard < settings.CALL_S
+        return self.answer == CUT_OFF and self.unheard < settings.CALL_S
 
     @property
     def unheard(self) -> float:
@@ -76,7 +80,11 @@ class Heart:
         self._due = now + settings.TURN_S
         with suppress(OSError):  # there is no answer left
             while True:
-                self._answer, self._answered = self._socket.recv(LONGEST_B), now
+                self.answer, self._answered = self._socket.recv(LONGEST_B), now
+        if self.answer.isdigit() and self.answer != self._master:
+            if self._master:  # it has ended, maybe before anybody noted that it knew us
+                self._registrations.put(register_again)
+            self._master = self.answer
         try:
             self._socket.connect(self._address)  # from now on nobody else can send to us
             self._socket.send(self._name)
@@ -91,12 +99,12 @@ class Signs:
     """Hears the heartbeats for `role`, of processes of our own user, in a thread of its own.
 
     `last`: the last sign of each node, to be forgotten when it is gone: the next of its name is
-    another process. Each sender is told if the reconfigurator is out of reach: `cut_off()`.
+    another process. Each sender is told `answer()`: the number of the master's process, or CUT_OFF.
     """
 
-    def __init__(self, role: str, cut_off: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, role: str, answer: Callable[[], bytes] = lambda: b"") -> None:
         self.last: Dict[str, Sign] = {}
-        self._cut_off = cut_off
+        self._answer = answer
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         try:
@@ -113,9 +121,8 @@ class Signs:
             if pid is None:
                 continue
             self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
-            answer = CUT_OFF if self._cut_off() else IN_REACH
             with suppress(OSError):  # it has ended, or does not listen; nobody is waited for
-                self._socket.sendto(answer, socket.MSG_DONTWAIT, address)
+                self._socket.sendto(self._answer(), socket.MSG_DONTWAIT, address)
 
 
 def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
