@@ -139,26 +139,6 @@ def test_4_the_master_and_the_reconfigurator_may_die_together(robot: Robot) -> N
     robot.settle()
 
 
-def test_4_a_reconfigurator_that_came_just_before_the_master_died_is_known_to_the_next(
-    robot: Robot,
-) -> None:
-    def where() -> str:
-        with suppress(rosgraph.MasterException):  # nobody serves
-            return str(rosgraph.Master("/test").lookupService("/shsa/reload"))
-        return ""
-
-    former = where()
-    end_process(reconfigurator())
-    robot.start_reconfigurator()
-    wait_until(lambda: where() not in ("", former), 20.0, "another one serves")
-    robot.master.kill()
-    robot.master.wait()
-    robot.start_master()
-    known = lambda: "/reconfigurator" in publishers("/shsa/substitutions")
-    wait_until(known, 10.0, "the master knows it")
-    robot.settle()
-
-
 def limit(process: psutil.Process, what: str, soft: str) -> None:
     """Limit a running process, as its user may: `prlimit --pid PID --nproc=1:`."""
     subprocess.run([*ORDINARY, "prlimit", f"--pid={process.pid}", f"--{what}={soft}:"], check=True)
@@ -228,3 +208,25 @@ def test_7_a_log_that_cannot_be_written_keeps_nobody_from_healing(robot: Robot) 
     assert "Traceback" not in said, said[said.index("Traceback") - 300 :]
     assert 1 <= said.count("This is said once") <= 2 + 2 * len(robot.healing.substitutions)
     assert said.count("incident log") <= 1
+
+
+def test_8_a_reconfigurator_that_came_just_before_the_master_died_is_known_to_the_next(
+    robot: Robot,
+) -> None:
+    def where() -> str:
+        with suppress(rosgraph.MasterException):  # nobody serves
+            return str(rosgraph.Master("/test").lookupService("/shsa/reload"))
+        return ""
+
+    former = where()
+    end_process(reconfigurator())
+    robot.healing.forget()
+    robot.start_reconfigurator()
+    wait_until(lambda: where() not in ("", former), 20.0, "another one serves")
+    robot.master.kill()
+    robot.master.wait()
+    robot.start_master()
+    known = lambda: "/reconfigurator" in publishers("/shsa/substitutions")
+    wait_until(known, 10.0, "the master knows it")
+    wait_until(where, 10.0, "and what it serves")
+    robot.settle()

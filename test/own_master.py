@@ -101,8 +101,9 @@ class Robot:
         self.nodes[node] = self.run(*self._before, *words)
 
     def settle(self) -> None:
-        """Wait until all is well, and substitutes are ready and connected."""
+        """Wait until all is well and known, and substitutes are ready and connected."""
         self.healing.await_available(*self.records, seconds=40.0)
+        self.healing.await_verified(*NODES)
         wait_until(lambda: self.ready("hot") and len(self.ready("")) == 2, 30.0, "all stand by")
 
     def ready(self, service: str) -> List[str]:

@@ -62,15 +62,21 @@ def test_what_is_urgent_waits_for_no_call_that_is_not() -> None:
     assert made.count("/other") <= 2, "one may have its turn after what was urgent"
 
 
-def test_what_is_registered_is_read_while_another_thread_registers() -> None:
+def test_what_is_registered_is_read_while_another_thread_registers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     read = threading.Event()
 
-    def look() -> None:
-        announce._registered()
-        read.set()
+    class Master:
+        registerPublisher = registerSubscriber = None
 
+        def getSystemState(self) -> List[object]:
+            read.set()
+            return []
+
+    monkeypatch.setattr(announce, "master_api", Master)
     with rospy.topics.get_topic_manager().lock:
-        threading.Thread(target=look, daemon=True).start()
+        threading.Thread(target=announce.register_again, daemon=True).start()
         assert not read.wait(0.2), "a dictionary that changes cannot be read"
     assert read.wait(5.0)
 

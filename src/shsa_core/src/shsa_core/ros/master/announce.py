@@ -44,6 +44,8 @@ def register_again() -> None:
         for topic, kind in topics:
             if topic not in known:
                 register(topic, kind, uri)
+    for service, where in rospy.impl.registration.get_service_manager().get_services():
+        master.registerService(service, where, uri)
 
 
 def of_topic(state: Sequence[Tuple[str, List[str]]], topic: str) -> List[str]:
