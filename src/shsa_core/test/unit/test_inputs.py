@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
+from unittest.mock import Mock
 
 import pytest
 import rospy
@@ -370,3 +371,20 @@ print("done")
         preexec_fn=lambda: os.setuid(user),
     )
     assert done.stdout.strip() == "done"
+
+
+def test_where_no_thread_can_be_started_the_next_change_sets_the_priority(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The kernel was asked a moment ago; a takeover must not fail for that."""
+    session, pid = tmp_path / "autogroup", os.getpid()
+    lacks = Mock(side_effect=RuntimeError("can't start new thread"))
+    monkeypatch.setattr(priority, "SESSION", str(session))
+    monkeypatch.setattr("threading.Thread.start", lacks)
+    with monkeypatch.context() as moment:
+        moment.setattr(priority, "_try", lambda _: False)
+        priority._set_session(priority.STANDS_BY, pid)
+    assert lacks.called
+    priority._set_session(priority.HURRIES, pid)
+    assert session.read_text() == f"{priority.HURRIES}\n"
+    assert not priority._wanted

@@ -30,7 +30,6 @@ from shsa_core.ros.trust.owners import listener
 from shsa_core.ros.workers import Workers
 
 Work = Callable[[Any], object]
-"""Carries out a command."""
 LEARNING = 2
 """So many nodes are learned at the same time: to look at each is work for several processes."""
 

@@ -44,8 +44,9 @@ def _set_session(nice: int, pid: int) -> None:
     with _lock:
         waits = pid in _wanted
         _wanted[pid] = nice
-    if not waits and not _try(pid):
-        threading.Thread(target=_insist, args=(pid,), name="priority", daemon=True).start()
+    if not _try(pid) and not waits:
+        with suppress(RuntimeError, MemoryError):  # no thread: the next change tries it again
+            threading.Thread(target=_insist, args=(pid,), name="priority", daemon=True).start()
 
 
 def _try(pid: int) -> bool:
@@ -53,10 +54,10 @@ def _try(pid: int) -> bool:
     with _lock:
         try:
             Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
-        except OSError as error:  # or it has ended meanwhile
+        except (OSError, KeyError) as error:  # or it has ended meanwhile, or another thread did so
             if isinstance(error, BlockingIOError):
                 return False
-        del _wanted[pid]
+        _wanted.pop(pid, None)
         return True
 
 
