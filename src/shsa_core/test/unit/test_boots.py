@@ -18,6 +18,8 @@ from shsa_core.ros.trust import proving
 from shsa_core.ros.trust.proving import NONCE_B, Challenger
 from shsa_core.trust import proof
 from shsa_core.trust.boots import (
+    Boot,
+    Met,
     MOST,
     MOST_FAILED,
     PAUSE_NS,
@@ -192,6 +194,26 @@ def test_the_fastest_answer_tells_the_offset(world: World) -> None:
     assert sender.asked == asked + TRIES, "not before the next renewal"
     (seen,) = reader.boots.seen()
     assert seen.round_trip == pytest.approx(2 * MS) and (seen.host, seen.address) == ("sender",) * 2
+
+
+def test_a_computer_that_was_just_met_is_not_asked_again_at_once(world: World) -> None:
+    sender, reader = Robot(world, "sender"), Reader(world)
+    assert reader.hears(sender.says()) == ""
+    reader.boots.renew()
+    assert sender.asked == 1
+    world.now += PAUSE_NS
+    reader.boots.renew()
+    assert sender.asked == 1 + TRIES
+
+
+def test_of_answers_that_are_as_fast_the_newest_counts() -> None:
+    boot, first = Boot(b"boot"), Met(b"boot", "host", "address", 5, 0, asked=0, answered=10)
+    newer = first._replace(clock=105, asked=100, answered=110)
+    slower = first._replace(clock=205, asked=200, answered=211)
+    for met in (first, newer, slower):
+        boot.measured(met)
+    assert boot.met is newer
+    assert boot.was_compared(110) and not boot.was_compared(111)
 
 
 def test_what_is_ahead_of_its_computer_is_refused(world: World) -> None:
