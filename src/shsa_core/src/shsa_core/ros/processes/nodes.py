@@ -239,9 +239,8 @@ def _is_required(node: str, process: psutil.Process) -> bool:
     with suppress(*FAILURES, psutil.Error, AttributeError):
         rows = psutil.Process(process.ppid()).connections("tcp")
         places = [Address(*row.laddr) for row in rows if row.status == psutil.CONN_LISTEN]
-        if places and not kernel.started_by_launch(
-            process.pid
-        ):  # only what says it is one is called
+        # Another program is called only where it says that it launches nodes.
+        if places and not kernel.started_by_launch(process.pid):
             uris = master_api().getParam("/roslaunch/uris").values()
             places = [each for each in places if each.port in {address(uri).port for uri in uris}]
         return any(_requires(uri_at(each), node, process.pid) for each in places)
