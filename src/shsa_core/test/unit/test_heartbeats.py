@@ -20,6 +20,7 @@ from shsa_core.ros.processes import heartbeats
 from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
+from shsa_core.ros.workers import Workers
 from shsa_testing.waiting import wait_until
 
 BEAT = """
@@ -272,7 +273,7 @@ os._exit(0)
 def test_who_is_heard_registers_once_with_a_master_that_was_started_anew(
     role: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heart, answers, registered = Heart(role), [b""], []
+    heart, answers, registered = Heart(role, Workers("test")), [b""], []
     monkeypatch.setattr(heartbeats, "register_again", lambda: registered.append(answers[-1]))
     Signs(role, lambda: answers[-1])
 
@@ -285,3 +286,10 @@ def test_who_is_heard_registers_once_with_a_master_that_was_started_anew(
         wait_until(answered, 5.0, "it is answered")
     wait_until(lambda: len(registered) == 2, 5.0, "it has registered with both")
     assert registered[-1] == b"9"
+
+
+def test_a_heart_that_is_made_on_the_way_to_a_message_needs_no_thread(
+    role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("threading.Thread.start", lambda _: pytest.fail("a thread is started"))
+    assert not Heart(role).beat(at_once=True)

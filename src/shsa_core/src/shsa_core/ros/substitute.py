@@ -63,14 +63,14 @@ class SubstituteNode:
         self._read(row)
         put = self._inputs.put
         self._host = os.environ.get(HOST, "")
-        self._heart = Heart(hearer(self._host))
+        self._looks = Workers("looks")
+        self._heart = Heart(hearer(self._host), self._looks)
         self._outputs = Outputs(
             lambda topic: put(events.Advertised(self._clock.now(), topic)),
             lambda topic, who: put(events.ConsumerJoined(self._clock.now(), topic, who)),
         )
         self._telling = Workers("telling")
         self._calls = Workers("calls")
-        self._looks = Workers("looks")
         self._originals = Originals()
         self._carry_out: Table[None] = table(
             events.Command,

@@ -45,9 +45,9 @@ class Sign(NamedTuple):
 
 
 class Heart:
-    """Sends heartbeats to `role`, keeps its last `answer`, and registers us with a new master."""
+    """Sends heartbeats to `role`, keeps its last `answer`; `calls` registers with a new master."""
 
-    def __init__(self, role: str) -> None:
+    def __init__(self, role: str, calls: Optional[Workers] = None) -> None:
         self._name = rospy.get_name().encode()
         self._address = ""
         try:
@@ -55,8 +55,7 @@ class Heart:
         except OSError as error:
             rospy.logwarn("Our heartbeats cannot be sent: %s", error)
         self._due, self._answered, self.answer = 0.0, time.monotonic(), b""
-        self._master = b""
-        self._registrations = Workers("registrations")
+        self._master, self._calls = b"", calls
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         # The system gives it an address with this, so that it can be answered.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -82,8 +81,8 @@ class Heart:
             while True:
                 self.answer, self._answered = self._socket.recv(LONGEST_B), now
         if self.answer.isdigit() and self.answer != self._master:
-            if self._master:  # it has ended, maybe before anybody noted that it knew us
-                self._registrations.put(register_again)
+            if self._master and self._calls:  # maybe nobody had noted that it knew us
+                self._calls.put(register_again)
             self._master = self.answer
         try:
             self._socket.connect(self._address)  # from now on nobody else can send to us

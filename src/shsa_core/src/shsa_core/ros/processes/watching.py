@@ -11,6 +11,7 @@ from shsa_core.healing import events
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
+from shsa_core.ros.workers import Workers
 from shsa_core.watch import Watch
 
 Told = Callable[[events.ProcessPulse], None]
@@ -93,7 +94,7 @@ class Companion:
         self.role = role
         self.problem = ""
         self._name = rospy.resolve_name(role)
-        self._heart, self._signs = Heart(role), signs
+        self._heart, self._signs = Heart(role, Workers("registrations")), signs
         self._beaten = time.monotonic()
         self._process: Optional[psutil.Process] = None
         patience = settings.HUNG_HEALER_BEATS[role]
