@@ -212,8 +212,9 @@ def test_a_computer_is_in_doubt_while_it_has_just_come_back() -> None:
     assert hosts.doubted(PI, 10.0 + CERTAIN_S) and not hosts.doubted(PI, 10.1 + CERTAIN_S)
     for time in (11.0, 12.0, 13.0):
         hosts.seen(time, PI, 0.0, 4.0)
-    hosts.doubt(PI, 13.2)
-    assert hosts.doubted(PI, 13.2)
+    for time in (13.0, 13.2):
+        hosts.doubt(PI, time)
+        assert hosts.doubted(PI, time)
     hosts.seen(14.0, PI, 0.0, 4.0)
     assert not hosts.doubted(PI, 14.0)
 
