@@ -7,7 +7,7 @@ from plain_sockets import LISTED, Master, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
-from shsa_core.ros.sockets.identity import NOT_LISTED, Identities
+from shsa_core.ros.sockets.caller_ids import NOT_LISTED, CallerIds
 
 
 class Stranger:
@@ -50,7 +50,7 @@ def test_who_is_not_listed_counts_for_nobody(
     node.send(framed(b"true"))
     monitor.until(lambda: monitor.data == [b"true"])
     stranger.die()
-    monitor.until(lambda: not monitor.connections._identities._tries)
+    monitor.until(lambda: not monitor.connections._caller_ids._tries)
     assert monitor.seen == [] and monitor.data == [b"true"]
 
 
@@ -118,7 +118,7 @@ def test_who_sends_as_another_user_than_the_one_who_listens_counts_for_nobody(
 ) -> None:
     """As one who answers at [::1] for a node that is at 127.0.0.1, of the same port."""
     monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
-    monkeypatch.setattr("shsa_core.ros.sockets.identity.speaker", lambda connected: 4002)
+    monkeypatch.setattr("shsa_core.ros.sockets.caller_ids.speaker", lambda connected: 4002)
     monitor.hear_of(node)
     monitor.until(lambda: bool(monitor.refused))
     assert monitor.refused == [(monitor.topic, node.name, NOT_LISTED)] and monitor.seen == []
@@ -128,10 +128,10 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor: Monitor, node: Node
 ) -> None:
     monitor.connect(node)
-    assert monitor.connections._identities.knows(node.name, node.uri)
+    assert monitor.connections._caller_ids.knows(node.name, node.uri)
     node.die()
     monitor.until(lambda: "Disconnected" in monitor.kinds())
-    assert not monitor.connections._identities.knows(node.name, node.uri)
+    assert not monitor.connections._caller_ids.knows(node.name, node.uri)
 
 
 def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_again(
@@ -140,7 +140,7 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
     monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.05)
     master.answers = False
     monitor.hear_of(node)
-    monitor.until(lambda: bool(monitor.connections._identities._tries))
+    monitor.until(lambda: bool(monitor.connections._caller_ids._tries))
     node.close_connections()
     monitor.until(lambda: node.asked == 1)
     master.answers = True
@@ -150,9 +150,9 @@ def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_agai
 
 def test_who_is_never_listed_is_asked_about_for_days() -> None:
     refused: List[str] = []
-    identities = Identities(lambda *_: None, lambda topic, claim, why: refused.append(why))
+    caller_ids = CallerIds(lambda *_: None, lambda topic, claim, why: refused.append(why))
     connection: Any = Stranger()
-    identities.claim(connection)
+    caller_ids.claim(connection)
     for _ in range(3000):  # 8 h
-        assert not identities.answered(connection, "", "")
+        assert not caller_ids.answered(connection, "", "")
     assert refused == [NOT_LISTED] * 2999

@@ -22,7 +22,7 @@ from shsa_core.ros.processes import priority
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.sockets.connection import Connection
-from shsa_core.ros.sockets.identity import Identities
+from shsa_core.ros.sockets.caller_ids import CallerIds
 from shsa_core.ros.sockets.subscriptions import Subscriptions
 from shsa_core.substitution.events import (
     Advertised,
@@ -110,11 +110,11 @@ def values(events: List[Event]) -> List[Tuple[str, Any]]:
 
 @pytest.fixture(name="bench")
 def a_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    def claim(self: Identities, connection: Connection) -> None:
+    def claim(self: CallerIds, connection: Connection) -> None:
         self._tries[connection] = 0
         self._tell(connection, connection.publisher, connection.uri)
 
-    monkeypatch.setattr(Identities, "claim", claim)
+    monkeypatch.setattr(CallerIds, "claim", claim)
 
     def subscribe(self: Subscriptions, topic: str) -> None:
         self.topics[topic] = HandedOver(topic, lambda _: None, lambda _: None)

@@ -227,7 +227,7 @@ def test_a_message_that_is_too_large_is_not_kept(
 
 def test_nothing_is_kept_of_a_node_that_comes_and_goes(monitor: Monitor) -> None:
     connections = monitor.connections
-    parts = connections, connections._identities, connections._reconnection
+    parts = connections, connections._caller_ids, connections._reconnection
 
     def kept() -> Tuple[int, int]:
         held = (each for part in parts for each in vars(part).values() if isinstance(each, Sized))

@@ -19,8 +19,8 @@ from typing import Tuple, Union
 from shsa_core.monitoring.events import Connected, Disconnected, Interrupted, Tick
 from shsa_core.ros import clock
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
+from shsa_core.ros.sockets.caller_ids import CallerIds
 from shsa_core.ros.sockets.connection import ArrivalTimes, Connection
-from shsa_core.ros.sockets.identity import Identities
 from shsa_core.ros.sockets.reconnection import Doubt, Reconnection
 
 READABLE = select.EPOLLIN | select.EPOLLRDHUP
@@ -128,7 +128,7 @@ class Subscriptions:
         self._time = self._times.looked.time  # of what happens now
         self._wakes = wakes
         self._told: Deque[Tuple[str, Happen]] = deque()  # by whom else, on a topic
-        self._identities = Identities(self._identified, refused)
+        self._caller_ids = CallerIds(self._identified, refused)
         self._reconnection = Reconnection(
             lambda topic, settle: self._tell(topic, lambda: self._gone(settle()))
         )
@@ -179,7 +179,7 @@ class Subscriptions:
             topic, happen = self._told.popleft()
             if topic in self.topics:  # else it was unsubscribed
                 found += happen()
-        self._identities.ask_again()
+        self._caller_ids.ask_again()
         since = looked.time if found else since
         ready, self._hurried = self.inbox.ready() | self._hurried, set()
         came = [
@@ -196,7 +196,7 @@ class Subscriptions:
 
     def _identified(self, connection: Connection, node: Optional[str], at: str) -> None:
         def happen() -> Iterator[Happening]:
-            if self._identities.answered(connection, node, at):
+            if self._caller_ids.answered(connection, node, at):
                 yield from self._recognize(connection)
 
         self._tell(connection.topic, happen)
@@ -226,7 +226,7 @@ class Subscriptions:
             self.inbox.watch(connection.descriptor, connection.wakes)
         except OSError:
             connection.wakes = True  # it has just been closed, which we are told next
-        self._identities.claim(connection)
+        self._caller_ids.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
         """Have what comes from now on count for the node whose connection it is."""
@@ -248,7 +248,7 @@ class Subscriptions:
             if each.is_known and each.publisher == by.publisher and each.uri != by.uri
         ]
         for each in former:
-            self._identities.claim(each)
+            self._caller_ids.claim(each)
         for topic in {each.topic for each in former} - {by.topic}:
             if by.publisher not in self.publishers(topic):
                 yield Disconnected(self._time, topic, by.publisher)
@@ -298,11 +298,11 @@ class Subscriptions:
     def _forget(self, connection: Connection) -> None:
         del self._standing[connection.descriptor]
         self._newest.pop(connection, None)
-        self._identities.drop(connection)
+        self._caller_ids.drop(connection)
 
     def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
         """Say who is gone of those whose doubt has ended."""
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
-                self._identities.forget(doubt.publisher, doubt.uri)
+                self._caller_ids.forget(doubt.publisher, doubt.uri)
                 yield Disconnected(self._time, doubt.topic, doubt.publisher)

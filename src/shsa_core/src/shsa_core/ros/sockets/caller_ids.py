@@ -21,7 +21,7 @@ from shsa_core.ros.workers import Workers
 NOT_LISTED = "the master does not list this name at its address: it counts for nobody"
 
 
-class Identities:
+class CallerIds:
     """Asks the master whose connections are, and remembers where it said that nodes are.
 
     All methods are for one thread. `tell(connection, node, at)` is called from others with what is
@@ -37,7 +37,7 @@ class Identities:
         self._nodes: Dict[str, str] = {}
         self._tries: Dict[Connection, int] = {}  # of those that are not known yet
         self._again: Agenda[Connection] = Agenda()
-        self._workers = Workers("identities", settings.MOST_ASKING_MASTER)
+        self._workers = Workers("caller ids", settings.MOST_ASKING_MASTER)
 
     def claim(self, connection: Connection) -> None:
         """Have a connection count for nobody until it is known whose it is."""
