@@ -136,6 +136,7 @@ class MasterWatch:
         self._topics: Set[str] = set()
         self._file = file
         self.pid, self._known = file.read()
+        self._kept: Mapping[Part, Pairs] = {}
         self._parameters: Mapping[str, Any] = {}
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
@@ -187,7 +188,8 @@ class MasterWatch:
         self._introduce(state, now)
         if self._former is None:  # else a new master does not know them all yet
             self._seen(state)
-        if now >= self._keep_at:
+        if now >= self._keep_at or state.parts != self._kept:
+            self._kept = state.parts
             self._known = registrations.together(self._graph(state), self._known, waiting)
             self._file.write(Known(state.pid, self._known))
             self._keep_parameters()
