@@ -1,8 +1,8 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
 Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
-wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
-with `N passed, N failed`.
+wait for much of theirs. Of four or more, the one before it runs the robots that do little but wait.
+Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N failed`.
 """
 import fcntl
 import os
@@ -24,15 +24,20 @@ COMPUTING = (
 WAITS = re.compile("wait_until|timeout|monotonic|sleep|Thread|socket|chromium")
 """A word of it is in each other file in which something may wait with a deadline."""
 ROBOTS = (
-    *("test_tutorials", "test_three_computers", "test_master", "test_live_page", "test_install"),
+    *("test_master", "test_redteam", "test_tutorials", "test_three_computers", "test_live_page"),
+    *("test_install", "test_partition", "test_cut_off"),
     *("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench"),
-    *("test_cut_off", "test_partition", "test_redteam"),
 )
 """Files of tests on real processes: they judge real time. What stays together long goes first."""
 ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")
 """Those of them whose tests share nothing: any of them may run beside any other."""
 LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
+WAITING = (
+    *("monitor_parameters", "monitor_checks", "gateways", "alone", "sim_time", "agent"),
+    *("estimator", "steering", "serial"),
+)
+"""Those that take less than a third of a processor."""
 PRECISE = (
     *("deadline", "takeover", "heal_plain_topics", "failover"),
     *("monitor_detection", "substitute", "init"),
@@ -70,6 +75,11 @@ def precise(nodeid: str) -> bool:
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
     return count >= 3 and worker == f"gw{count - 1}"
+
+
+def runs_beside(worker: str, count: int) -> bool:
+    """Return whether a worker of so many, by name, runs no robots but those that wait."""
+    return count >= 4 and worker == f"gw{count - 2}"
 
 
 def case(nodeid: str) -> str:
@@ -131,15 +141,23 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             They begin with robots. One of them then runs those that are alone, and the other what
             is no robot: none waits for the other.
             """
+            worker = node.gateway.id, self.numnodes
+            last, beside = gives_way(*worker), runs_beside(*worker)
 
             def turn(scope: str) -> int:
-                if scope == ONE_BY_ONE:
-                    return 1
-                return 3 if computes(scope) else 2 * (module(scope) not in ROBOTS)
+                if computes(scope):
+                    return 4
+                if case(scope) in WAITING:
+                    return 0 if beside else 2
+                return 1 if scope == ONE_BY_ONE else 3 * (module(scope) not in ROBOTS)
+
+            def may(scope: str) -> bool:
+                if last:
+                    return computes(scope)
+                return not beside or turn(scope) >= 3 or case(scope) in WAITING
 
             if self.numnodes >= 3:
-                last = gives_way(node.gateway.id, self.numnodes)
-                scopes = [scope for scope in self.workqueue if not last or turn(scope) == 3]
+                scopes = [scope for scope in self.workqueue if may(scope)]
                 if not scopes:
                     node.shutdown()
                     return

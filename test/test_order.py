@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import conftest
 from rostests import SELDOM
 
@@ -27,7 +29,8 @@ def test_the_files_that_have_their_turn_are_there() -> None:
 
 
 def test_the_rostests_to_begin_with_are_there() -> None:
-    assert {*conftest.LONGEST} <= {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
+    rostests = {path.stem for path in ROOT.glob("*/*/test/rostest/*.test")}
+    assert {*conftest.LONGEST, *conftest.WAITING} <= rostests
 
 
 def test_what_is_tried_seldom_has_others_that_stand_for_it() -> None:
@@ -41,19 +44,20 @@ def test_the_robots_that_have_the_machine_alone_are_there() -> None:
     assert {*conftest.PRECISE} <= {*rostests, *conftest.ROBOTS, "failover"}
 
 
-def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [3, 4])
+def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path, count: int) -> None:
     shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
     names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
     for name in names:
         (tmp_path / f"{name}.py").write_text(TEST + WAITS * (name == "test_one"))
-    command = [sys.executable, "-m", "pytest", "-n", "3", "-p", "no:cacheprovider", "."]
+    command = [sys.executable, "-m", "pytest", "-n", str(count), "-p", "no:cacheprovider", "."]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stdout.decode()
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
     assert sorted(name for name, _, _ in ran) == sorted(names)
-    last = [name for name, worker, _ in ran if worker == "gw2"]
+    last = [name for name, worker, _ in ran if worker == f"gw{count - 1}"]
     assert last and {*last} <= {*conftest.COMPUTING, "test_other"}
-    for _, worker, policy in ran:
-        idle = int(policy) == os.SCHED_IDLE
-        assert idle or worker != "gw2"
+    for name, worker, policy in ran:
+        assert int(policy) == os.SCHED_IDLE or worker != f"gw{count - 1}"
+        assert worker != "gw2" or name not in conftest.ROBOTS
