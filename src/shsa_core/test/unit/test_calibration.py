@@ -95,6 +95,15 @@ def test_by_what_it_erred_while_it_learned_is_not_its_error() -> None:
     assert error is not None and error.rms < 0.15
 
 
+def test_what_is_learned_far_from_zero_holds_there() -> None:
+    """Gain and offset follow slowly once they have settled: not each by itself."""
+    stream = Stream(0.8, 0.5)
+    stream.run(SETTLING_S, lambda time: 95.0 + driving(time))
+    for _ in range(6):
+        stream.run(10.0, lambda time: 95.0 + driving(time))
+        assert abs(stream.errs(100.0)) < 0.05
+
+
 def test_nothing_is_told_before_enough_is_known() -> None:
     stream = Stream()
     stream.run(GUARD_S + GUARD_S + FEWEST_ERRORS * ERROR_S - 2.0)

@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Optional, Tuple
 import pytest
 
 from shsa_core.derivations import settings
+from shsa_core.derivations.calibrations import Calibrations
 from shsa_core.model.calibration import Calibration
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
@@ -274,6 +275,22 @@ def test_bad_messages_of_sensor_or_input_leave_their_stretch_out(
     after = robot.of("load", "speed")
     assert before is not None and after is not None
     assert after(4.0) == pytest.approx(before(4.0), abs=0.05)
+
+
+def test_searches_have_a_pause_between_them(
+    ontology: Ontology, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = Robot(ontology, LOAD, SPEED, POWER)
+    search, begun = Calibrations._search, []
+
+    def noted(known: Calibrations, wanted: Any) -> Any:
+        begun.append(robot.now)
+        return search(known, wanted)
+
+    monkeypatch.setattr(Calibrations, "_search", noted)
+    robot.run(20.0)
+    pauses = [later - at for at, later in zip(begun, begun[1:])]
+    assert len(pauses) >= 2 and min(pauses) > settings.SEARCH_S - 0.001
 
 
 def test_without_an_input_nothing_is_learned(ontology: Ontology) -> None:

@@ -121,6 +121,19 @@ def test_of_two_witnesses_both_must_say_so(ontology: Ontology) -> None:
     assert robot.kinds() == {"current": "witness"}
 
 
+def test_two_nodes_of_one_topic_are_two_witnesses(ontology: Ontology) -> None:
+    """The programs that read them are the same."""
+    twin = replace(service("draw"), name="twin", node="/twin_node")
+    robot = Robot(ontology, service("current", 2.0), service("draw"), twin)
+    robot.true["twin"] = robot.true["draw"]
+    robot.run(60.0)
+    robot.run(20.0, draw=8.0)
+    assert robot.failures == []
+    robot.run(60.0)
+    robot.run(20.0, current=16.0)
+    assert robot.kinds() == {"current": "witness"}
+
+
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:
     robot = Robot(ontology, *usual()[:3])
     robot.run(10.0)

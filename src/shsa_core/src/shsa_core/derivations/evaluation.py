@@ -216,7 +216,7 @@ class Derivations:
     def made(self, plan: Plan) -> FollowedPlan:
         """Return what evaluates a plan: what is there already, or new. Raises ShsaError."""
         for each in self._services[plan.service].plans:
-            if each.plan.program == plan.program:
+            if each.plan == plan:  # the same program may read other nodes
                 return each
         gap = longest_gap(plan.outputs[0].service.period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
