@@ -172,6 +172,14 @@ def test_every_folder_on_the_way_counts(som: pathlib.Path, tmp_path: pathlib.Pat
     again = tmp_path / "again.yaml"
     again.symlink_to("open/../open/link.yaml")
     assert f"everybody can write {tmp_path / 'open'}" in refusal(again)
+    inside = som.parent / "inside"
+    inside.mkdir()
+    beside = tmp_path / "beside"
+    beside.symlink_to(inside)
+    (tmp_path / som.name).write_text("")
+    som.chmod(0o646)
+    assert f"everybody can write {som}" in refusal(beside / ".." / som.name), "as open() reads it"
+    som.chmod(0o644)
     assert "cannot be looked at" in written_by_others(str(tmp_path / "nowhere"))
 
 

@@ -197,6 +197,12 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: pathlib.Path, text: str, 
         ("constants: {a: {value: [[1, 2], 3]}}", "numbers, or rows of the same length"),
         ("constants: {a: {value: [[[1]]]}}", "must be a number, not a list"),
         ("constants: {a: {value: [1, x]}}", "an element of value must be a number, not the text"),
+        ("constants: {a_1: {value: 3}, a: {value: [1, 2]}}", "the constant a_1 is there already"),
+        ("constants: {a: {value: [1, 2]}, a_1: {value: 3}}", "the constant a_1 is there already"),
+        (
+            "{properties: {a: {length: 2}, b: }, relations: {r: {a: '[b, b]', a_0: b}}}",
+            "r for a_0 yields what the relation yields already",
+        ),
         ("constants: {a: {value: [.nan]}}", "an element of value must be a finite number"),
         (
             "properties: {" + ", ".join(f"a{i}: {{length: 1000}}" for i in range(11)) + "}",

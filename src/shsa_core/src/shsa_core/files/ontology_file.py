@@ -115,6 +115,8 @@ class _Reader:
 
     def _add_numbers(self, name: str, number: Any, given: Mapping[str, str], value: Value) -> None:
         if not isinstance(number, tuple):
+            if name in self.constants:
+                raise value.error(f"the constant {name} is there already, as {name} or an element")
             self.constants[name] = Constant(name, number, where=value.where, **given)
             return
         names = self._vector(name, len(number), value, self.properties)
@@ -146,10 +148,15 @@ class _Reader:
             shared = FUNCTION["where"].reader.read(where, f"{relation}: where")
         if not directions:
             raise outputs.error(f"the relation {relation} has no output")
+        yielded: Set[str] = set()
         for output, value in directions.items():
             vector = self._vectors.get(output)
             what = f"{relation} for {output}"
-            for place, each in enumerate(vector or (output,)):
+            names = vector or (output,)
+            if not yielded.isdisjoint(names):
+                raise value.error(f"{what} yields what the relation yields already")
+            yielded.update(names)
+            for place, each in enumerate(names):
                 at = _Place(what, len(vector or ()), place if vector else None, self._vectors)
                 self.collect(partial(self._add_function, relation, each, value, shared, at))
 
