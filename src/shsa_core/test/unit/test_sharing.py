@@ -142,8 +142,8 @@ def rows_of(*services: str, publishing: str = "") -> SubstitutionsChanged:
     )
 
 
-def row(name: str, publishing: bool = False) -> Substitution:
-    inputs, outputs = (signal("/in"),), (signal(f"/{name}"),)
+def row(name: str, publishing: bool = False, topic: str = "") -> Substitution:
+    inputs, outputs = (signal("/in"),), (signal(topic or f"/{name}"),)
     return Substitution(
         HOST, name, inputs, CODE, outputs, publishing=publishing, shared=True, bridge=0.05
     )
@@ -226,6 +226,16 @@ def test_who_leaves_publishes_no_more_and_the_others_go_on() -> None:
     assert only_of(said, events.Withdraw).topics == ("/c",)
     assert {each.outputs[0].topic for each in process.run(1.0)} == {"/d"}
     assert process.tell(events.RowRemoved, "c", True) == []
+
+
+def test_who_leaves_ends_no_topic_that_another_one_publishes() -> None:
+    process = Process()
+    for name in ("c", "d"):
+        process.tell(events.RowChanged, row(name, topic="/joint_states"))
+    process.tell(events.Advertised, "/joint_states")
+    assert process.tell(events.RowRemoved, "c", True) == []
+    said = process.tell(events.RowRemoved, "d", True)
+    assert only_of(said, events.Withdraw).topics == ("/joint_states",)
 
 
 def test_a_table_that_is_begun_anew_ends_nobody() -> None:

@@ -126,4 +126,6 @@ class Sharing:
         self._wants.pop(name, None)
         for concerned in self._concerned.values():
             concerned.pop(name, None)
-        return [events.Withdraw(core.topics)] if core is not None and core.topics else []
+        used = {topic for other in self._cores.values() for topic in other.topics}
+        left = tuple(topic for topic in core.topics if topic not in used) if core else ()
+        return [events.Withdraw(left)] if left else []
