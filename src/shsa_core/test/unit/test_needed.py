@@ -7,6 +7,7 @@ from core_robot import A, B, Robot, has, last_incident, service
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.model.cost import Host
 from shsa_core.model.som import Som
 
 CONSUMERS = ("/planner", "/logger")
@@ -38,6 +39,16 @@ def test_who_subscribes_decides_where_the_som_says_nothing(
     assert has(robot.fail("/a", A, 10.0), events.StartSubstitute) is healed
     state = robot.core.robot.availability.states.rows["a"]
     assert (state.service.needed, len(state.consumers)) == (healed, len({*nodes} & {*CONSUMERS}))
+
+
+def test_the_monitors_of_other_computers_rely_on_nothing() -> None:
+    services = replace(service("a", A), needed=None), service("b", B)
+    robot = Robot(Som(services, [Host("pi")]))
+    subscribe(robot, 5.0, "/monitor_pi")
+    assert not has(robot.fail("/a", A, 10.0), events.StartSubstitute)
+    robot = Robot(Som(services, [Host("pi")]))
+    subscribe(robot, 5.0, "/monitor_arm")
+    assert has(robot.fail("/a", A, 10.0), events.StartSubstitute)
 
 
 def test_a_consumer_that_starts_anew_meanwhile_still_finds_its_topic_healed() -> None:

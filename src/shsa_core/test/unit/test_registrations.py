@@ -10,6 +10,7 @@ from shsa_core.analysis.registrations import (
     Part,
     Registration,
     Said,
+    is_name,
     missing_parameters,
     read_pairs,
     to_ask,
@@ -35,6 +36,17 @@ def said_of(published: Dict[str, str], subscribed: Dict[str, str]) -> Said:
 
 
 SAID = {"/a": said_of({"/x": "t/X"}, {}), "/b": said_of({}, {"/x": "t/X", "/y": "t/Y"})}
+
+
+@pytest.mark.parametrize("name", ["/driver", "/robots/1/driver", "/1", "/a_b/_c"])
+def test_a_name_may_be_any_that_ros_allows(name: str) -> None:
+    assert is_name(name)
+    assert read_pairs([[name, ["/a"]]]) == frozenset({(name, "/a")})
+
+
+@pytest.mark.parametrize("name", ["", "/", "driver", "/a b", "/a;b", "/a//b", "/a/", 7])
+def test_what_no_node_can_be_called_is_no_name(name: Any) -> None:
+    assert not is_name(name)
 
 
 def test_all_that_was_known_is_registered_and_publishers_come_first() -> None:

@@ -8,7 +8,7 @@ from typing import Any, Collection, Dict, FrozenSet, List, Mapping, NamedTuple, 
 
 from shsa_core.model.kinds import Word
 
-NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+\Z")
+NAME = re.compile(r"(/[A-Za-z0-9_]+)+\Z")
 LONGEST_NAME = 1000
 MOST = 100_000
 """Registrations; a master that tells more than any robot has is not followed."""

@@ -107,6 +107,7 @@ class Robot:
 
     def as_told(self, som: Som) -> Som:
         """Return a SOM as it counts: what is needed, and what may be done about it."""
+        self.names.hosts = som.hosts
 
         def counts(service: Service) -> Service:
             policy = service.policy if self.acts(som) else Policy.ADVISE

@@ -51,13 +51,15 @@ class Names:
     """The names of substitutes in a namespace: `substitute_`, what for, and a number.
 
     And those of other nodes that healing and ROS need. `next`: the number of the next name;
-    `topics`: how the names of healing's topics begin.
+    `topics`: how the names of healing's topics begin; `hosts`: those with a monitor of their own.
     """
 
     def __init__(self, namespace: str) -> None:
         self.prefix = namespace.rstrip("/") + "/" + PREFIX
         self.topics = namespace.rstrip("/") + "/shsa/"
         self._ours = {*OF_ROS, *(namespace.rstrip("/") + "/" + name for name in HEALERS)}
+        self._monitor = f"{namespace.rstrip('/')}/{HEALERS[0]}_"
+        self.hosts: Collection[str] = ()
         self.next = 1
 
     def fresh(self, of: str) -> str:
@@ -69,6 +71,8 @@ class Names:
         """Tell that a node is healing's, or of ROS, by its name; the SOM may have named it."""
         if node in self._ours or in_som:
             return node in self._ours
+        if node.startswith(self._monitor) and node[len(self._monitor) :] in self.hosts:
+            return True
         name = node.rsplit("/", 1)[-1]
         substitute = name.startswith(PREFIX) and NUMBERED.fullmatch(name[len(PREFIX) :])
         return name in HEALERS or bool(substitute)
