@@ -25,7 +25,7 @@ class Nothing:
 def test_what_is_loaded_before_a_node_works_is_not_looked_through_for_garbage(
     monkeypatch: Any,
 ) -> None:
-    ours = ("say_failures_once", "keep_rospys_threads", "serve_each_by_itself", "_log_plainly")
+    ours = ("say_failures_once", "keep_rospys_threads", "serve_each_by_itself")
     for name in (*ours, "ask_in_time", "ask_once_for_rosout", "LogQueue"):
         monkeypatch.setattr(node, name, Nothing())
     for name in ("init_node", "signal_shutdown"):

@@ -141,7 +141,7 @@ def test_diagnostics_are_printable() -> None:
 
 
 def test_a_node_logs_on_one_printable_line() -> None:
-    node = pytest.importorskip("shsa_core.ros.node")
+    log_queue = pytest.importorskip("shsa_core.ros.rospy_patches.log_queue")
     heard: List[logging.LogRecord] = []
 
     class Hearing(logging.Handler):
@@ -149,16 +149,17 @@ def test_a_node_logs_on_one_printable_line() -> None:
             heard.append(record)
 
     loggers = [logging.getLogger(), logging.getLogger("rosout")]
-    handlers = [Hearing() for _ in loggers]
-    for logger, handler in zip(loggers, handlers):
-        logger.addHandler(handler)
+    before = [logger.handlers for logger in loggers]
+    for logger in loggers:
+        logger.handlers = [Hearing()]
     try:
-        node._log_plainly()
+        log = log_queue.LogQueue()
         logging.getLogger("rosout").error("%s fails: %d%%", EVIL, 7)
         logging.getLogger("rospy.topics").error("x" * 10**6)
+        log.close()
     finally:
-        for logger, handler in zip(loggers, handlers):
-            logger.removeHandler(handler)
+        for logger, handlers in zip(loggers, before):
+            logger.handlers = handlers
     texts = [record.getMessage() for record in heard]
     assert len(texts) >= 3 and texts[0].endswith("fails: 7%") and "owned" in texts[0]
     assert all(text.isprintable() and len(text) < LONGEST_LINE + 10 for text in texts)

@@ -5,16 +5,19 @@ from math import isnan
 
 import pytest
 import rospy
-from shsa_msgs.msg import Failure, Health, PublisherHealth
+from shsa_msgs.msg import Failure, Health, PublisherHealth, Substitutions
 from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident
 from shsa_core.model import health
 from shsa_core.model.error import Error
 from shsa_core.model.kinds import Kind
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Substitution
 from shsa_core.ros import clock
 from shsa_core.ros.wire import healing as wire
 from shsa_core.ros.wire.healing import failure_message, failure_seen
+from shsa_core.ros.wire.rows import substitution_message
 
 
 @pytest.mark.parametrize("slow", range(1, 9))
@@ -126,3 +129,13 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     message = failure_message(replace(row, last_message=b"good"))
     assert message.last_message == b"good"
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)
+
+
+def test_a_gate_hears_by_how_much_a_substitute_may_err_and_the_monitor_need_not() -> None:
+    signal = Signal("/a", "data", "std_msgs/Float64", "/a_node", 0.02, 0.25, error=Error(0.5))
+    row = Substitution("/substitute_a_1", "a", (), "y=0.0", (signal,), publishing=True)
+    table = Substitutions(substitutions=[substitution_message(row)], whole=True)
+    (heard,) = wire.substitutions_changed(table, whole_rows=True).rows
+    assert heard == row
+    (seen,) = wire.substitutions_changed(table).rows
+    assert seen.outputs[0].error is None and seen.publishing

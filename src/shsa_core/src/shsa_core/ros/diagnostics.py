@@ -7,6 +7,7 @@ row says whose it is by the full name of its node: `robot1/monitor: battery_curr
 import queue
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
@@ -26,6 +27,7 @@ from shsa_core.ros.master.master_watch import MasterState
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.signing import Signing
+from shsa_core.ros.workers import guarded
 from shsa_core.text import shown
 from shsa_core.trust.boots import Met
 
@@ -66,15 +68,19 @@ class Diagnostics:
         while not rospy.is_shutdown():
             rospy.rostime.wallsleep(settings.LOOK_S)
             self._ask()
-            rows = self._rows(self._given.get())
-            rows.append(refused_row(self._signing.refusals.counts()))
-            level = ERROR if self._companion.problem else OK
-            rows.append(_row(self._companion.role, level, self._companion.told))
-            rows += map(computer_row, self._signing.boots.seen())
-            for row in rows:
-                row.name = f"{rospy.get_name()[1:]}: {row.name}"
-            header = Header(stamp=rospy.Time.now())
-            publish(self._publisher, DiagnosticArray(header=header, status=rows))
+            with suppress(queue.Empty):  # who was asked could not show anything
+                guarded("Diagnostics", self._publish, self._given.get(timeout=settings.ANSWER_S))
+
+    def _publish(self, given: Any) -> None:
+        rows = self._rows(given)
+        rows.append(refused_row(self._signing.refusals.counts()))
+        level = ERROR if self._companion.problem else OK
+        rows.append(_row(self._companion.role, level, self._companion.told))
+        rows += map(computer_row, self._signing.boots.seen())
+        for row in rows:
+            row.name = f"{rospy.get_name()[1:]}: {row.name}"
+        header = Header(stamp=rospy.Time.now())
+        publish(self._publisher, DiagnosticArray(header=header, status=rows))
 
 
 def _row(

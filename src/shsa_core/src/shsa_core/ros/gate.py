@@ -26,8 +26,9 @@ from shsa_core.ros.reader import ALL, Reader
 from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
-from shsa_core.ros.node import LOG, guarded, run
+from shsa_core.ros.node import LOG, run
 from shsa_core.ros.wire import healing as wire, names
+from shsa_core.ros.workers import guarded
 
 
 class GateNode:
@@ -74,7 +75,7 @@ class GateNode:
         now = clock.now()
         self._inbox.wait(min(self._core.next_deadline, now + settings.TURN_S) - now)
         for item in self._inbox.take():
-            self._feed(wire.substitutions_changed(item))
+            self._feed(wire.substitutions_changed(item, whole_rows=True))  # with their errors
         happenings = self._subscriptions.read(self._fed)
         newest = {each.connection: each.data for each in happenings if isinstance(each, Arrived)}
         for happening in happenings:

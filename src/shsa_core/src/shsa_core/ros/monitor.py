@@ -32,7 +32,7 @@ from shsa_core.monitoring.settings import Settings
 from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.master import som_parameter
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
+from shsa_core.ros.node import LOG, read_parameters, recorded, run
 from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
@@ -42,7 +42,7 @@ from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.wire.rows import filled
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.workers import Workers, guarded
 
 
 class MonitorNode:

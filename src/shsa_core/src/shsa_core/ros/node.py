@@ -1,6 +1,5 @@
 """Runs a node so that it ends when it is told to, and logs nothing but printable text."""
 import gc
-import logging
 import resource
 import sys
 import threading
@@ -19,7 +18,6 @@ from shsa_core.ros.rospy_patches.log_queue import LogQueue, ask_once_for_rosout,
 from shsa_core.ros.rospy_patches.standing import heed_launch, keep_rospys_threads
 from shsa_core.ros.rospy_patches.subscribing import ask_in_time
 from shsa_core.ros.trust.owners import speaker
-from shsa_core.text import LONGEST_LINE, shown
 
 Settings = TypeVar("Settings")
 Handle = Callable[[Any], Sequence[Any]]
@@ -50,7 +48,6 @@ def run(name: str, work: Callable[[], None]) -> None:
     ask_in_time()
     heed_launch()
     rospy.init_node(name)
-    _log_plainly()
     log = LogQueue()
     ask_once_for_rosout()
     gc.freeze()  # what is loaded stays: to go through it for garbage stops all threads for 40 ms
@@ -103,28 +100,6 @@ def recorded(
 
     journal = JournalWriter(path, machine, setup, rospy.logwarn)
     return journal.recorded(handle), journal.close
-
-
-def guarded(who: str, handle: Callable[..., object], *what: Any) -> None:
-    """Handle something; whatever goes wrong with it, the rest is still handled."""
-    try:
-        handle(*what)
-    except Exception as error:  # whatever it is, the node goes on
-        if not rospy.core.is_shutdown_requested():
-            text = f"{who} could not handle something: {type(error).__name__}: {error}"
-            rospy.logerr_throttle_identical(10.0, text)
-
-
-def _log_plainly() -> None:
-    """Have each text that a node logs on one line: names in it may come from anybody."""
-    for logger in (logging.getLogger(), logging.getLogger("rosout")):
-        for handler in logger.handlers:
-            handler.addFilter(_plain)
-
-
-def _plain(record: logging.LogRecord) -> bool:
-    record.msg, record.args = shown(record.getMessage(), LONGEST_LINE), ()
-    return True
 
 
 def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:

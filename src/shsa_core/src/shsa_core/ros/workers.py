@@ -17,6 +17,16 @@ def _log(text: str) -> None:
         rospy.logerr("%s", text)
 
 
+def guarded(who: str, handle: Callable[..., object], *what: Any) -> None:
+    """Handle something; whatever goes wrong with it, the rest is still handled."""
+    try:
+        handle(*what)
+    except Exception as error:  # whatever it is, the node goes on
+        if not rospy.core.is_shutdown_requested():
+            text = f"{who} could not handle something: {type(error).__name__}: {error}"
+            rospy.logerr_throttle_identical(10.0, text)
+
+
 class Workers:
     """Makes the calls that are put, up to `most` at a time; one alone makes them in order.
 

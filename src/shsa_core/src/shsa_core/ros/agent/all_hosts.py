@@ -15,6 +15,7 @@ from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
+from shsa_core.ros.workers import guarded
 
 TellAny = Callable[[events.Event], None]
 
@@ -129,16 +130,19 @@ class AllHosts:
 
     def _work(self) -> None:
         while not rospy.core.is_shutdown():
-            now = clock.now()
-            with self._lock:
-                for host in self._remote.values():
-                    host.tick(now, settings.TURN_S)
-                    host.beat()
-            if self._own:  # as agents tell of theirs
-                self._load.look(now)
-                load = self._load.busy, self._load.cores, self._load.sent, self._load.received
-                self._tell(events.HostSeen(now, self._own, *load))
+            guarded("The conversation with agents", self._turn)
             rospy.rostime.wallsleep(settings.TURN_S)
+
+    def _turn(self) -> None:
+        now = clock.now()
+        with self._lock:
+            for host in self._remote.values():
+                host.tick(now, settings.TURN_S)
+                host.beat()
+        if self._own:  # as agents tell of theirs
+            self._load.look(now)
+            load = self._load.busy, self._load.cores, self._load.sent, self._load.received
+            self._tell(events.HostSeen(now, self._own, *load))
 
 
 class Load:

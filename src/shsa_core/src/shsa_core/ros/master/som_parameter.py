@@ -17,6 +17,7 @@ from shsa_core.model.service import Deadlines, Service, Signal
 from shsa_core.model.som import Som
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.workers import guarded
 
 LIVE_PARAMETERS = "numbers of the SOM on the parameter server count, too"
 MOST_SAID = 20
@@ -75,13 +76,16 @@ class SomWatch:
     def _watch(self) -> None:
         while not rospy.is_shutdown():
             begin = time.monotonic()
-            value = _ask(self._value)
-            if value is not None:
-                with self._lock:
-                    self._heed(value)
+            guarded(self._name, self._look)
             took = (time.monotonic() - begin) / settings.LOOKING_SHARE
             rest = max(settings.MASTER_LOOK_S, took)
             rospy.rostime.wallsleep(min(rest, settings.LOOK_S if self._live else settings.ANSWER_S))
+
+    def _look(self) -> None:
+        value = _ask(self._value)
+        if value is not None:
+            with self._lock:
+                self._heed(value)
 
     def _value(self) -> object:
         """Return what lies at shsa/som; {} if nothing does."""

@@ -176,7 +176,7 @@ class TableSubscriber:
     ) -> None:
         self._topic, self._heard, self._signing, self._name = topic, heard, signing, name
         self._class = signing.checked(topic, message_class) if signing else message_class
-        self._lock = threading.Lock()
+        self._lock, self._subscribing = threading.Lock(), threading.Lock()
         self._at = (0, 0)
         """The table that was heard last, and its sequence."""
         self._sent = b"", 0, 0
@@ -239,15 +239,17 @@ class TableSubscriber:
         self._follows = False
         if self._retry is None:
             pause = self._subscribed + settings.FIRST_PAUSE_S - time.monotonic()
-            self._retry = threading.Timer(max(0.0, pause), self._subscribe_again)
-            self._retry.daemon = True
-            self._retry.start()
+            retry = threading.Timer(max(0.0, pause), self._subscribe_again)
+            retry.daemon = True
+            retry.start()  # which may fail
+            self._retry = retry
 
     def _subscribe_again(self) -> None:
-        with self._lock:
-            self._retry = None
-            if self._follows or rospy.is_shutdown():
-                return
+        with self._subscribing:  # it waits for the master: nobody else is to
+            with self._lock:
+                self._retry = None
+                if self._follows or rospy.is_shutdown():
+                    return
             self._subscriber.unregister()
             self._subscribe()
 

@@ -5,13 +5,13 @@ import subprocess
 import threading
 import time
 from contextlib import suppress
-from typing import Callable, Dict, List, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
 
 import psutil
-import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
+from shsa_core.ros.workers import guarded
 
 
 class Started(psutil.Process):  # type: ignore[misc]
@@ -23,13 +23,8 @@ class Started(psutil.Process):  # type: ignore[misc]
     def __init__(
         self, words: Sequence[str], variables: Mapping[str, str], folder: str = ""
     ) -> None:
-        started = subprocess.Popen(
-            words,
-            env=variables,
-            cwd=folder or None,
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        where: Dict[str, Any] = {"env": variables, "cwd": folder or None}
+        started = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True, **where)
         self.poll: Callable[[], Optional[int]] = started.poll
         try:
             super().__init__(started.pid)
@@ -96,10 +91,7 @@ class Children:
                 stopped = self._stopped & over.keys()
                 self._stopped -= stopped
             for node, how in over.items():
-                try:
-                    self._ended(node, "" if node in stopped else how)
-                except Exception as error:  # whatever it is, the other processes are waited for
-                    rospy.logerr("The end of %s: %r", node, error)
+                guarded(f"The end of {node}", self._ended, node, "" if node in stopped else how)
             time.sleep(settings.TICK_S)
 
 

@@ -11,7 +11,7 @@ from shsa_core.healing import events
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.workers import Workers, guarded
 from shsa_core.watch import Watch
 
 Told = Callable[[events.ProcessPulse], None]
@@ -57,7 +57,7 @@ class Life:
             now = time.monotonic()
             for name, sign in list(self._signs.last.items()):
                 if self._watched(name):
-                    self._look(name, sign, before, now)
+                    guarded("Watching others", self._look, name, sign, before, now)
 
     def _look(self, name: str, sign: Sign, before: float, now: float) -> None:
         seen = self._seen.get(name)

@@ -18,6 +18,7 @@ from rospy.impl.paramserver import get_param_server_cache
 
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES
+from shsa_core.text import LONGEST_LINE, shown
 
 LOGGERS = ("", "rosout")
 ROSOUT = "/rosout_disable_topics_generation"
@@ -59,11 +60,16 @@ class LogQueue:
 
 
 class _Later(logging.handlers.QueueHandler):
-    """Puts records beside those who will handle them."""
+    """Puts records, each on one line, beside those who will handle them."""
 
     def __init__(self, lines: "queue.Queue[Optional[Line]]", handlers: List[logging.Handler]):
         super().__init__(lines)
         self._handlers = handlers
+
+    def prepare(self, record: logging.LogRecord) -> Any:
+        prepared: logging.LogRecord = super().prepare(record)
+        prepared.msg = shown(prepared.getMessage(), LONGEST_LINE)  # names may be anybody's
+        return prepared
 
     def enqueue(self, record: logging.LogRecord) -> None:
         with suppress(queue.Full):  # whoever shows the lines stands still: the newest are lost
