@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from shsa_core.language.functions import FUNCTIONS, STATEFUL, ceil, clip, dot
-from shsa_core.language.functions import floor, namespace, power, rbf, sign, table
+from shsa_core.language.functions import floor, rbf, sign, table
 from shsa_core.language.memory import (
     HELD_SAMPLES,
     MAX_GAP_S,
@@ -52,20 +52,11 @@ def test_rounding_gives_floats_however_large() -> None:
     assert isinstance(floor(1e300), float) and isinstance(ceil(1e300), float)
 
 
-def test_power_stays_within_real_numbers() -> None:
-    assert power(2.0, 0.5) == math.sqrt(2.0)
-    with pytest.raises(ValueError):
-        power(-8.0, 1.0 / 3.0)
-    with pytest.raises(OverflowError):
-        power(1e200, 2.0)
-
-
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_each_function_gives_a_float(name: str) -> None:
     function = FUNCTIONS[name]
     result = function.call(*([0.5] * function.least))
     assert isinstance(result, float)
-    assert namespace()[name] is function.call
 
 
 def test_values_of_the_mathematics() -> None:

@@ -62,11 +62,11 @@ def _open_folder(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "why"),
     (
-        (_readable, "its mode is 0640; allowed is 0600"),
+        (_readable, "others can read or write it; allowed is a file of user"),
         (_short, "it has not 32 bytes"),
         (_link, "symbolic link"),
-        (_fifo, "it is not a file"),
-        (_folder, "it is not a file"),
+        (_fifo, "it is no file"),
+        (_folder, "Is a directory"),
         (_open_folder, "mode 0777; allowed is a folder that only user"),
     ),
 )
@@ -86,5 +86,7 @@ def test_one_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.Monk
     secret.obtain(path)
     user = os.geteuid()
     monkeypatch.setattr(secret.os, "geteuid", lambda: user + 1)
-    with pytest.raises(ShsaError, match=f"belongs to user {user}"):
+    with pytest.raises(
+        ShsaError, match=f"another user; allowed is a file of user {user + 1} alone"
+    ):
         secret.read(path)

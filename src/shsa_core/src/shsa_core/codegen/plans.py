@@ -113,25 +113,20 @@ def plan_service(
     raise none
 
 
-def part(service: Service, lost: Collection[str]) -> Tuple[Source, ...]:
-    """Return the values of a service that can be published without those `lost`.
-
-    There are none where its message does not say of each lost one that it is unknown.
-    """
-    unknown = {s.provision.unknown_with for s in service.sources if s.property in lost}
-    if "" in unknown or service.others is not Others.UNKNOWN:
-        return ()
-    return tuple(s for s in service.sources if s.provision.unknown_with not in unknown)
-
-
 def _derivable(service: Service, table: SourceTable) -> Tuple[Source, ...]:
-    """Return what can be published of a service that lacks a value; nothing if it lacks none."""
+    """Return what can be published of a service that lacks a value; nothing if it lacks none.
+
+    Nor where its message does not say of each lost one that it is unknown.
+    """
     if len({source.provision.unknown_with for source in service.sources}) < 2:
         return ()
-    network = table.network
-    best = BestDerivations(table, network.executable)
-    lost = [name for name in service.properties if not best.settle(network.number(name))]
-    return part(service, lost) if lost else ()
+    best = BestDerivations(table, table.network.executable)
+    number = table.network.number
+    lost = [s for s in service.sources if not best.settle(number(s.property))]
+    unknown = {source.provision.unknown_with for source in lost}
+    if not lost or "" in unknown or service.others is not Others.UNKNOWN:
+        return ()
+    return tuple(s for s in service.sources if s.provision.unknown_with not in unknown)
 
 
 def plan_sources(

@@ -6,7 +6,7 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.errors import CodeError
-from shsa_core.language.functions import CONSTANTS, ELAPSED, STATEFUL, namespace, power
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
 from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
 from shsa_core.language.trees import literal, name_nodes, row
 
@@ -131,8 +131,8 @@ class _Compiler:
         self._memories = 0
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
-        self._names: Dict[str, Any] = {"__builtins__": {}, "power": power, "nan": math.nan}
-        self._names.update(namespace(), correct=correct)
+        self._names: Dict[str, Any] = {"__builtins__": {}, "power": math.pow, "nan": math.nan}
+        self._names.update({name: each.call for name, each in FUNCTIONS.items()}, correct=correct)
         self._names.update({"ArithmeticError": ArithmeticError, "ValueError": ValueError})
 
     def compile(self, code: CheckedCode) -> CompiledProgram:

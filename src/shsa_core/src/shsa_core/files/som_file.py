@@ -186,13 +186,8 @@ def _provisions(given: Mapping[str, Dict[str, Any]], message_type: str) -> Tuple
     for name, keys in given.items():
         other = fields.setdefault(keys["field"], name)
         if other != name:
-            errors.append(
-                ModelError(
-                    keys["where"],
-                    f"the field {keys['field']} provides {other} already; "
-                    "a field can provide one property",
-                )
-            )
+            what = f"the field {keys['field']} provides {other} already; "
+            errors.append(ModelError(keys["where"], what + "a field can provide one property"))
         asked, distance = keys.pop("checks", {}), is_distance(message_type, keys["field"])
         keys.setdefault("quality", quality_of(keys.get("error")))
         provisions.append(Provision(name, checks=default_checks(True, distance, asked), **keys))

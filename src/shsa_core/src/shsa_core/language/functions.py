@@ -7,7 +7,7 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
 from shsa_core.language import memory
 from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
@@ -71,11 +71,6 @@ def floor(value: float) -> float:
 def ceil(value: float) -> float:
     """Return the smallest whole number that is not less, as a float."""
     return float(math.ceil(value))
-
-
-def power(base: float, exponent: float) -> float:
-    """Return `base` to the `exponent` in real numbers: a negative base needs a whole exponent."""
-    return math.pow(base, exponent)
 
 
 def clip(value: float, low: float, high: float) -> float:
@@ -286,8 +281,3 @@ CALLS: Mapping[str, Function] = {
 FUNCTIONS = {name: each for name, each in CALLS.items() if not each.stateful}
 STATEFUL = {name: each for name, each in CALLS.items() if each.stateful}
 RESERVED = frozenset([*CONSTANTS, ELAPSED, *CALLS, "require"])
-
-
-def namespace() -> Dict[str, Callable[..., float]]:
-    """Return the functions without memory by name, for compiled code."""
-    return {name: function.call for name, function in FUNCTIONS.items()}

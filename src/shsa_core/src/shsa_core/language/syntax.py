@@ -9,7 +9,7 @@ from typing import Callable, Dict, List, NoReturn, Tuple
 
 from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED, FUNCTIONS, RESERVED, STATEFUL
-from shsa_core.language.functions import Fixed, power
+from shsa_core.language.functions import Fixed
 from shsa_core.language.trees import is_condition, literal, name_nodes, row
 from shsa_core.text import nearest, short
 
@@ -269,7 +269,7 @@ _ARITHMETIC: Dict[type, Callable[[float, float], float]] = {
     ast.Div: operator.truediv,
     ast.FloorDiv: operator.floordiv,
     ast.Mod: operator.mod,
-    ast.Pow: power,
+    ast.Pow: math.pow,
 }
 _PARTS: Dict[type, str] = {
     ast.Attribute: "an attribute (a.b)",

@@ -247,23 +247,8 @@ class UnknownPublisher(Check):
         return f"{seen}, neither the SOM nor a substitution names it"
 
 
-_ALL: Tuple[Type[Check], ...] = (
-    NotANumber,
-    OutOfRange,
-    Stuck,
-    Jump,
-    Witness,
-    RateHigh,
-    RateLow,
-    StaleStamp,
-    FutureStamp,
-    Frame,
-    Length,
-    Formula,
-    UnknownPublisher,
-)
-REGISTRY: Dict[str, Type[Check]] = {each.kind.value: each for each in _ALL}
-"""Every check by its name: the key under `checks` in the SOM.
+REGISTRY: Dict[str, Type[Check]] = {each.kind.value: each for each in Check.__subclasses__()}
+"""Every check by its name, in the order above: the key under `checks` in the SOM.
 
 The first that finds something tells its kind.
 """

@@ -78,15 +78,7 @@ class FieldText:
     function: str = ""
 
     def __str__(self) -> str:
-        return self._text(".")
-
-    @property
-    def path(self) -> str:
-        """Its text in one of the three strings."""
-        return self._text("/")
-
-    def _text(self, separator: str) -> str:
-        path = separator.join(map(str, self.steps))
+        path = ".".join(map(str, self.steps))
         return f"{self.function}({path})" if self.function else path
 
 

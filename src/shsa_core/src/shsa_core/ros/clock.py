@@ -85,8 +85,3 @@ def to_moment(stamp: rospy.Time, ahead: float) -> Optional[float]:
 def ros_ns() -> int:
     """Return ROS time in ns."""
     return int(rospy.Time.now().to_nsec()) if is_simulated() else time.time_ns()
-
-
-def from_ns(stamp: int) -> rospy.Time:
-    """Return a stamp in ns; 0: now."""
-    return rospy.Time(0, stamp) if stamp else rospy.Time.now()

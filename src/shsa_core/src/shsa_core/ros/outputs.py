@@ -9,7 +9,7 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
 from shsa_core.model.field_value import Field
-from shsa_core.ros import clock, settings
+from shsa_core.ros import settings
 from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
@@ -88,13 +88,10 @@ class Outputs:
         if not command.only and not command.served:
             publisher.publish(message)
             return
+        only, served = command.only, command.served
+        goes_to = lambda consumer: consumer == only if only else consumer not in served
         connections = connections_of(publisher)
-        send(publisher, message, [each for each in connections if _goes_to(command, each)])
-
-
-def _goes_to(command: Publish, connection: Any) -> bool:
-    consumer = connection.endpoint_id
-    return bool(consumer == command.only if command.only else consumer not in command.served)
+        send(publisher, message, [each for each in connections if goes_to(each.endpoint_id)])
 
 
 class _Composed:
@@ -117,5 +114,6 @@ class _Composed:
         for quaternion in self._quaternions:
             normalize(quaternion)
         if message._has_header:
-            message.header.stamp = clock.from_ns(command.stamp)
+            stamp = command.stamp
+            message.header.stamp = rospy.Time(0, stamp) if stamp else rospy.Time.now()
         return message

@@ -10,7 +10,7 @@ import rospy
 from shsa_msgs import msg, srv
 from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
 
-from shsa_core.errors import NoSubstitute, ShsaError
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.machine import Reconfigurator
@@ -45,7 +45,7 @@ class Services:
         for name, kind, answer in (
             (names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute),
             (names.RELEASE, srv.Release, self._release),
-            (names.RELOAD, srv.Reload, self._reload_models),
+            (names.RELOAD, srv.Reload, lambda _: self._acted(srv.ReloadResponse, self._reload)),
             (names.MAINTENANCE, SetBool, self._set_maintenance),
         ):
             bound_messages(rospy.Service(name, kind, answer), settings.LARGEST_CALL_B)
@@ -89,17 +89,12 @@ class Services:
         return service
 
     def _find_substitute(self, request: srv.FindSubstituteRequest) -> srv.FindSubstituteResponse:
+        asked = request.topic, request.without, request.method
         try:
-            return wire.found(
-                self._ask(
-                    lambda: self._core.explain(request.topic, request.without, request.method)
-                )
-            )
-        except NoSubstitute as none:
+            return wire.found(self._ask(lambda: self._core.explain(*asked)))
+        except ShsaError as none:
             missing = list(none.missing)
             return srv.FindSubstituteResponse(found=False, missing=missing, detail=str(none))
-        except ShsaError as error:
-            return srv.FindSubstituteResponse(found=False, detail=str(error))
 
     def _acted(self, response: Any, act: Callable[[], str]) -> Any:
         """Return the response to a call that changes something: what was done, or why not."""
@@ -117,9 +112,6 @@ class Services:
             return f"whatever publishes {service.topic} may return"
 
         return self._acted(srv.ReleaseResponse, release)
-
-    def _reload_models(self, _: srv.ReloadRequest) -> srv.ReloadResponse:
-        return self._acted(srv.ReloadResponse, self._reload)
 
     def _set_maintenance(self, request: SetBoolRequest) -> SetBoolResponse:
         def maintain() -> str:

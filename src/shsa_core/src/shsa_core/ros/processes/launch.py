@@ -24,7 +24,7 @@ import rospy
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, pid as pid_of, resolved, uri_of
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.trust.owners import is_local, listener
+from shsa_core.ros.trust.owners import is_local, listener, open_files
 from shsa_core.ros.workers import Workers
 
 SHUTDOWN = re.compile(rb"\[roslaunch\.pmon\].*ProcessMonitor\.(_post_run|shutdown) ")
@@ -120,11 +120,9 @@ class Launches:
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
     """Return the nearest roslaunch that a process descends from, and its log."""
     for ancestor in (each.pid for each in kernel.ancestors(pid)):
-        folder = f"/proc/{ancestor}/fd"
-        with suppress(OSError):  # it is somebody else's process, or gone
-            files = [os.readlink(f"{folder}/{each}") for each in os.listdir(folder)]
-            for file in files:
-                if re.search(rf"/[^/]*-{ancestor}\.log$", file):
+        for file in open_files(ancestor):
+            if re.search(rf"/[^/]*-{ancestor}\.log$", file):
+                with suppress(OSError):  # it cannot be opened
                     return ancestor, _LaunchLog(file)
     return None
 

@@ -2,6 +2,7 @@
 import os
 import socket
 import struct
+from contextlib import suppress
 from typing import Any, Iterator, NamedTuple, Optional, Tuple
 
 import psutil
@@ -63,7 +64,7 @@ def listening(at: Address) -> Optional[Owned]:
 def answers_at(pid: int, at: Address) -> bool:
     """Return whether a process answers at a numeric address, as far as we can see."""
     owned = listening(at) or listening(at)
-    return owned is not None and _holds(pid, f"socket:[{owned.inode}]")
+    return owned is not None and f"socket:[{owned.inode}]" in open_files(pid)
 
 
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
@@ -75,8 +76,8 @@ def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     if owned is None:
         return None
     name = f"socket:[{owned.inode}]"
-    hinted = hint > 0 and _holds(hint, name)
-    pids = [hint] if hinted else [pid for pid in psutil.pids() if _holds(pid, name)]
+    hinted = hint > 0 and name in open_files(hint)
+    pids = [hint] if hinted else [pid for pid in psutil.pids() if name in open_files(pid)]
     try:
         return psutil.Process(pids[0]) if len(pids) == 1 else None
     except psutil.NoSuchProcess:
@@ -125,16 +126,9 @@ def _sockets(state: int, here: Address, there: Address) -> Iterator[Tuple[Addres
             data = data[size:]
 
 
-def _holds(pid: int, name: str) -> bool:
-    try:
-        with os.scandir(f"/proc/{pid}/fd") as opened:
-            return any(_link(each.path) == name for each in opened)
-    except OSError:
-        return False  # it has ended, or is somebody else's
-
-
-def _link(path: str) -> str:
-    try:
-        return os.readlink(path)
-    except OSError:
-        return ""  # it was closed meanwhile
+def open_files(pid: int) -> Iterator[str]:
+    """Yield what a process has open, by the names that the kernel gives it."""
+    with suppress(OSError), os.scandir(f"/proc/{pid}/fd") as opened:  # ended, or somebody else's
+        for each in opened:
+            with suppress(OSError):  # it was closed meanwhile
+                yield os.readlink(each.path)

@@ -7,6 +7,7 @@ from contextlib import suppress
 import rospkg
 
 from shsa_core.errors import ShsaError
+from shsa_core.files.regular import read_own
 
 VARIABLE = "SHSA_SECRET"
 """The environment variable that names the file, for the processes that healing starts."""
@@ -33,35 +34,20 @@ def obtain(path: str) -> bytes:
 
 def read(path: str) -> bytes:
     """Return the secret in a file. Raises ShsaError if others could know it, or replace it."""
+    user = os.geteuid()
     try:
         folder = os.stat(os.path.dirname(path) or ".")
-        # Without O_NONBLOCK a fifo would hold us up.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        secret = read_own(path, LENGTH_B)
     except OSError as error:
-        raise ShsaError(f"the secret {path} cannot be read: {error.strerror}") from error
-    try:
-        _check(path, os.fstat(descriptor), folder)
-        secret = os.read(descriptor, LENGTH_B + 1)
-    finally:
-        os.close(descriptor)
+        why = error.strerror or str(error)
+        raise _refused(path, why, f"a file of user {user} alone, of mode 0600") from error
     if len(secret) != LENGTH_B:
         raise _refused(path, f"it has not {LENGTH_B} bytes", f"{LENGTH_B} random bytes")
-    return secret
-
-
-def _check(path: str, status: os.stat_result, folder: os.stat_result) -> None:
-    user = os.geteuid()
-    mode = stat.S_IMODE(status.st_mode)
-    if not stat.S_ISREG(status.st_mode):
-        raise _refused(path, "it is not a file", "a regular file")
-    if status.st_uid != user:
-        raise _refused(path, f"it belongs to user {status.st_uid}", f"a file of user {user}, ours")
-    if mode & 0o077:
-        raise _refused(path, f"others have rights on it: its mode is {mode:04o}", "0600")
     mode = stat.S_IMODE(folder.st_mode)
     if folder.st_uid not in (user, 0) or mode & 0o022:
         whose = f"its folder is of user {folder.st_uid} and has the mode {mode:04o}"
         raise _refused(path, whose, f"a folder that only user {user} or root can write, as 0700")
+    return secret
 
 
 def _refused(path: str, wrong: str, allowed: str) -> ShsaError:
