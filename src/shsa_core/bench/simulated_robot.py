@@ -113,7 +113,7 @@ class Robot:
     def settle(self) -> float:
         """Let time pass until nothing is due within a minute."""
         taken, end = 0.0, self.time + 60.0
-        while self.core.deadline is not None and self.core.deadline < end:
+        while self.core.deadline < end:
             self.time = max(self.time, self.core.deadline)
             taken += self.send(events.Tick(self.time))
         return taken

@@ -35,21 +35,19 @@ class Agenda(Generic[Key]):
         """Return when `key` is due, in s; infinite: it is not."""
         return self._due.get(key, inf)
 
-    def next(self) -> Optional[float]:
-        """Return when the earliest is due, in s; None: nothing is."""
+    def next(self) -> float:
+        """Return when the earliest is due, in s; infinite: nothing is."""
         while self._heap and self._due.get(self._heap[0][2]) != self._heap[0][0]:
             heappop(self._heap)
-        return self._heap[0][0] if self._heap else None
+        return self._heap[0][0] if self._heap else inf
 
     def pop_due(self, time: float) -> List[Key]:
         """Return the keys that are due at `time`, earliest first; they are due no more."""
         found: List[Key] = []
-        due = self.next()
-        while due is not None and due <= time:
+        while self.next() <= time and self._due:
             key = heappop(self._heap)[2]
             del self._due[key]
             found.append(key)
-            due = self.next()
         return found
 
 

@@ -49,6 +49,7 @@ class Robot:
         som: Som = SOM,
         ontology: Ontology = ONTOLOGY,
         host: str = "",
+        learned: bool = True,
         **settings: Union[int, float],
     ) -> None:
         values: Dict[str, Any] = {"hold_off": 2.0, "pool": 1, **settings}
@@ -61,6 +62,7 @@ class Robot:
         for each in som:
             self.row(each.topic, each.node, "healthy", 0.0)
         self.table(1.0)
+        self.core.robot.health.startable.update(each.node for each in som if learned)
         self.idle(1.0)
 
     def row(

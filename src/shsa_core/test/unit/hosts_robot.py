@@ -23,7 +23,7 @@ def seen(robot: Robot, time: float, *hosts: str, load: float = 0.5) -> List[even
     commands: List[events.Command] = []
     for host in hosts:
         commands += robot.handle(events.HostSeen(time, host, load, 4.0))
-    if robot.core.deadline is not None and robot.core.deadline <= time:
+    if robot.core.deadline <= time:
         commands += robot.handle(events.Tick(time))
     return commands
 

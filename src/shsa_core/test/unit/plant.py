@@ -120,7 +120,7 @@ class HealedPlant:
                 self.hear(events.Idle(self.now))
             tick = self.core.deadline
             at = self._due[0][0] if self._due else end
-            if tick is not None and tick < min(at, end):
+            if tick < min(at, end):
                 self.now = max(self.now, tick)
                 self.hear(events.Tick(self.now))
             elif at < end:

@@ -20,24 +20,24 @@ def test_the_earliest_is_at_hand_however_often_moments_change(
         plain.pop(key, None)
         if due is not None:
             plain[key] = due
-        assert agenda.next() == min(plain.values(), default=None)
+        assert agenda.next() == min(plain.values(), default=inf)
     due_now = [key for key, due in plain.items() if due <= 5.0]
     popped = agenda.pop_due(5.0)
     assert sorted(popped) == sorted(due_now)
     assert [plain[key] for key in popped] == sorted(plain[key] for key in popped)
     assert agenda.pop_due(5.0) == []
-    assert agenda.next() == min((d for d in plain.values() if d > 5.0), default=None)
+    assert agenda.next() == min((d for d in plain.values() if d > 5.0), default=inf)
 
 
 def test_an_alarm_comes_once_at_the_earliest_time_that_it_was_set_to() -> None:
     agenda: Agenda[str] = Agenda()
-    assert (agenda.next(), agenda.when("a")) == (None, inf)
+    assert (agenda.next(), agenda.when("a")) == (inf, inf)
     for time in (5.0, 3.0, 4.0, inf):
         agenda.bring_forward("a", time)
     agenda.bring_forward("b", 4.0)
     assert (agenda.next(), agenda.when("a")) == (3.0, 3.0)
     assert agenda.pop_due(3.5) == ["a"]
     assert agenda.pop_due(10.0) == ["b"]
-    assert agenda.next() is None
+    assert agenda.next() == inf
     agenda.bring_forward("a", 7.0)
     assert agenda.next() == 7.0

@@ -24,6 +24,7 @@ from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
+from shsa_core.model.cost import Host
 from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
@@ -374,6 +375,30 @@ def test_a_node_with_duties_is_killed_only_by_name_or_to_be_started_again(kind: 
         other.handle(events.GraphSeen(2.0, (), ((A, DUTIES),)))
         other.fail("/a", A, 10.0, "out_of_range")
         assert only(other.said, events.FindNode).node == A
+
+
+def test_the_duties_that_a_former_reconfigurator_knew_count_before_the_master_tells() -> None:
+    robot = Robot(SHARED, BOTH)
+    robot.handle(events.Started(2.0, duties=((A, DUTIES),)))
+    assert not has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
+
+
+@pytest.mark.parametrize("kind", ["stale_stamp", "future_stamp"])
+def test_stamps_end_no_node_on_another_computer_whose_clock_may_have_been_set(kind: str) -> None:
+    far = Som([replace(service("a", A, needed=True), host="pi"), *list(SOM)[1:]], [Host("pi")])
+    for som, killed in ((far, False), (SOM, True)):
+        robot = Robot(som)
+        robot.handle(events.HostSeen(2.0, "pi", 0.1, 4.0))
+        assert has(robot.fail("/a", A, 10.0, kind), events.FindNode) is killed
+        decision = last_incident(robot.said).decision
+        assert killed or decision == f"{A} is kept: the clock of its computer may have been set"
+
+
+def test_who_is_ended_by_the_word_of_the_som_is_ended_though_it_is_protected() -> None:
+    named = Robot(changed(SHARED, "a", contain=Contain.NODE), BOTH)
+    assert not only(named.fail("/a", A, 10.0, "out_of_range"), events.FindNode).spares
+    robot = Robot()
+    assert only(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode).spares
 
 
 def test_a_node_is_judged_again_when_its_duties_are_others() -> None:

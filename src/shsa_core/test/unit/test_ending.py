@@ -15,7 +15,7 @@ import rosgraph
 import plain_node
 from plain_node import PlainNode
 from shsa_core.errors import ShsaError
-from shsa_core.healing.events import Where
+from shsa_core.healing.events import FindNode, Where
 from shsa_core.ros.master.node_api import Originals
 from shsa_core.ros.processes import kernel, local as ending
 from shsa_core.ros.processes.nodes import Nodes, protection
@@ -99,12 +99,12 @@ def test_a_publisher_that_was_seen_well_is_ended_though_it_hangs(nodes: Nodes, m
     known = nodes.learn(NAME, TOPIC)
     assert known is not None and known.process is not None
     assert known.process.pid == node.process.pid
-    assert nodes.find(NAME, TOPIC, True) == (Where.HERE, "")
+    assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.HERE, "")
     node.stop()
-    stopped = lambda: nodes.find(NAME, TOPIC, True) == (Where.STOPPED, "")
+    stopped = lambda: nodes.find(FindNode(NAME, True, TOPIC)) == (Where.STOPPED, "")
     wait_until(stopped, 5.0, "it is stopped")
     assert ended(nodes) == {"left": ""}
-    assert nodes.find(NAME, TOPIC, False).where is Where.DEAD
+    assert nodes.find(FindNode(NAME, False, TOPIC)).where is Where.DEAD
 
 
 def test_a_publisher_that_was_never_seen_well_is_asked_if_it_says_what_it_is(
@@ -112,7 +112,7 @@ def test_a_publisher_that_was_never_seen_well_is_asked_if_it_says_what_it_is(
 ) -> None:
     node = make()
     register(node.uri)
-    assert nodes.find(NAME, TOPIC, True) == (Where.HERE, "")
+    assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.HERE, "")
     assert asked(nodes) == {"left": ""}
     wait_until(lambda: not node.runs, 5.0, "it has ended")
 
@@ -124,7 +124,7 @@ def test_a_node_that_answers_nonsense_is_ended_all_the_same(
     node = make(kind=kind)
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is not None
-    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.HERE
     assert ended(nodes) == {"left": ""}
     wait_until(lambda: not node.runs, 5.0, "it has ended")
 
@@ -133,7 +133,7 @@ def test_who_hangs_and_was_never_seen_well_is_left_alone(nodes: Nodes, make: Mak
     node = make()
     register(node.uri)
     node.stop()
-    found = nodes.find(NAME, TOPIC, True)
+    found = nodes.find(FindNode(NAME, True, TOPIC))
     assert found.where is Where.UNKNOWN and "never seen well" in found.detail
     assert "failed" in ended(nodes) and node.runs
 
@@ -143,7 +143,7 @@ def test_an_address_of_the_master_is_no_reason_to_end_it(
 ) -> None:
     register(os.environ["ROS_MASTER_URI"])
     assert nodes.learn(NAME, TOPIC) is None
-    assert nodes.find(NAME, TOPIC, True) == (Where.ANOTHER, "it is the master")
+    assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.ANOTHER, "it is the master")
     assert "failed" in ended(nodes) and master.poll() is None
 
 
@@ -151,7 +151,7 @@ def test_an_address_of_another_node_is_no_reason_to_end_that(nodes: Nodes, make:
     innocent = make("/temperature")
     register(innocent.uri)
     assert nodes.learn(NAME, TOPIC) is None
-    found = nodes.find(NAME, TOPIC, True)
+    found = nodes.find(FindNode(NAME, True, TOPIC))
     assert found.where is Where.ANOTHER and "does not publish /speed" in found.detail
     assert "failed" in ended(nodes) and "failed" in asked(nodes) and innocent.runs
 
@@ -165,7 +165,7 @@ def test_an_address_of_another_program_is_no_reason_to_end_that(nodes: Nodes) ->
         assert process.stdout is not None
         register(f"http://{HOST}:{int(process.stdout.readline())}/")
         assert nodes.learn(NAME, TOPIC) is None
-        assert nodes.find(NAME, TOPIC, True).where is Where.UNKNOWN
+        assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.UNKNOWN
         assert "failed" in ended(nodes) and process.poll() is None
         process.kill()
 
@@ -173,10 +173,10 @@ def test_an_address_of_another_program_is_no_reason_to_end_that(nodes: Nodes) ->
 def test_who_is_not_listed_for_the_failed_topic_is_another(nodes: Nodes, make: Make) -> None:
     node = make("/temperature")
     register(node.uri, topic="/temperature")
-    found = nodes.find(NAME, TOPIC, True)
+    found = nodes.find(FindNode(NAME, True, TOPIC))
     assert found == (Where.ANOTHER, "the master does not list it as a publisher of /speed")
     assert nodes.learn(NAME, "/temperature") is not None
-    assert nodes.find(NAME, TOPIC, True).where is Where.ANOTHER and node.runs
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.ANOTHER and node.runs
 
 
 def test_a_registration_in_the_name_of_a_node_that_was_seen_well_proves_nothing(
@@ -186,7 +186,7 @@ def test_a_registration_in_the_name_of_a_node_that_was_seen_well_proves_nothing(
     register(innocent.uri, topic="/temperature")
     assert nodes.learn(NAME, "/temperature") is not None
     register(innocent.uri)
-    found = nodes.find(NAME, TOPIC, True)
+    found = nodes.find(FindNode(NAME, True, TOPIC))
     assert found.where is Where.ANOTHER and "does not publish /speed" in found.detail
 
 
@@ -195,7 +195,7 @@ def test_a_process_of_somebody_else_is_neither_learned_nor_ended(nodes: Nodes, m
     node = make(user="nobody")
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is None
-    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.HERE
     told = ended(nodes)
     assert "belongs to nobody" in told["failed"] and node.runs
     assert asked(nodes) == {"left": ""}  # that it may do itself
@@ -211,7 +211,7 @@ def test_the_number_of_a_process_is_not_believed(nodes: Nodes, make: Make) -> No
     assert known is not None and known.process is not None
     assert known.process.pid == node.process.pid
     assert nodes.learn(NAME, TOPIC) is None
-    assert nodes.find(NAME, TOPIC, True).where is Where.HERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.HERE
     assert "failed" in ended(nodes) and innocent.runs
 
 
@@ -226,7 +226,7 @@ def test_who_answers_in_another_address_family_has_nobody_ended(nodes: Nodes, ma
     for name, host in names.items():
         register(f"http://{host}:{innocent.port}/", name)
         assert nodes.learn(name, TOPIC) is None
-        assert nodes.find(name, TOPIC, True).where is not Where.HERE
+        assert nodes.find(FindNode(name, True, TOPIC)).where is not Where.HERE
         assert "failed" in ended(nodes, name) and innocent.runs
     stranger.end()
 
@@ -238,13 +238,13 @@ def test_a_process_that_was_not_heard_is_another_than_the_one_that_failed(
     fake, node = make(), make()
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is not None
-    found = nodes.find(NAME, TOPIC, True, fake.uri)
+    found = nodes.find(FindNode(NAME, True, TOPIC, uri=fake.uri))
     assert found.where is Where.ANOTHER and f"the one that failed is at {fake.uri}" in found.detail
-    assert nodes.find(NAME, TOPIC, True, node.uri).where is Where.HERE
+    assert nodes.find(FindNode(NAME, True, TOPIC, uri=node.uri)).where is Where.HERE
     nodes.adopt(NAME, psutil.Process(node.process.pid))
-    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.ANOTHER
+    assert nodes.find(FindNode(NAME, True, TOPIC, uri=fake.uri)).where is Where.ANOTHER
     fake.end()  # then ours was started in its place
-    assert nodes.find(NAME, TOPIC, True, fake.uri).where is Where.HERE
+    assert nodes.find(FindNode(NAME, True, TOPIC, uri=fake.uri)).where is Where.HERE
 
 
 def test_a_process_that_closes_its_address_before_it_ends_is_dead(nodes: Nodes, make: Make) -> None:
@@ -255,7 +255,7 @@ def test_a_process_that_closes_its_address_before_it_ends_is_dead(nodes: Nodes, 
     gone.end()
     ends = threading.Timer(0.1, node.end)
     ends.start()
-    assert nodes.find(NAME, TOPIC, True, gone.uri).where is Where.DEAD
+    assert nodes.find(FindNode(NAME, True, TOPIC, uri=gone.uri)).where is Where.DEAD
     ends.join()
 
 
@@ -270,7 +270,7 @@ def test_no_part_of_healing_or_of_ros_is_ended_under_another_name(
         register(part.uri)
         found = Nodes()
         assert found.learn(NAME, TOPIC) is None
-        there = found.find(NAME, TOPIC, True)
+        there = found.find(FindNode(NAME, True, TOPIC))
         assert there.where is Where.ANOTHER and "it belongs to" in there.detail
         assert "failed" in ended(found) and part.runs
 
@@ -281,7 +281,7 @@ def test_an_address_that_somebody_else_has_by_now_is_not_called(nodes: Nodes, ma
     assert nodes.learn(NAME, TOPIC) is not None
     node.end()
     innocent = make(port=node.port)
-    assert nodes.find(NAME, TOPIC, True) == (Where.DEAD, "")
+    assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.DEAD, "")
     assert "left" in ended(nodes) and innocent.runs
 
 
@@ -289,8 +289,8 @@ def test_a_dead_node_of_ours_is_certainly_dead(nodes: Nodes, make: Make) -> None
     node = make()
     register(node.uri)
     node.end()
-    assert nodes.find(NAME, TOPIC, True).where is Where.DEAD
-    assert Nodes().find("/nobody", TOPIC, True).where is Where.NOWHERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.DEAD
+    assert Nodes().find(FindNode("/nobody", True, TOPIC)).where is Where.NOWHERE
 
 
 def test_a_node_elsewhere_that_refuses_is_not_certainly_gone(
@@ -300,10 +300,10 @@ def test_a_node_elsewhere_that_refuses_is_not_certainly_gone(
     node = make()
     register(node.uri)
     assert nodes.learn(NAME, TOPIC) is not None
-    assert nodes.find(NAME, TOPIC, True).where is Where.ELSEWHERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.ELSEWHERE
     node.end()
     assert "cannot be verified" in asked(nodes)["failed"]
-    assert "cannot be verified" in Nodes().find(NAME, TOPIC, True).detail
+    assert "cannot be verified" in Nodes().find(FindNode(NAME, True, TOPIC)).detail
 
 
 def test_a_node_elsewhere_that_has_left_the_master_and_listens_no_more_is_gone(
@@ -324,7 +324,7 @@ def test_a_node_elsewhere_that_answers_and_goes_is_gone(
     monkeypatch.setattr("shsa_core.ros.processes.nodes.is_local", lambda uri: False)
     node = make()
     register(node.uri)
-    assert nodes.find(NAME, TOPIC, True).where is Where.ELSEWHERE
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.ELSEWHERE
     assert asked(nodes) == {"left": ""}
 
 
@@ -332,7 +332,7 @@ def test_a_master_that_does_not_answer_proves_nothing(
     make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:1")
-    found = Nodes().find(NAME, TOPIC, True)
+    found = Nodes().find(FindNode(NAME, True, TOPIC))
     assert found.where is Where.UNKNOWN and "the master does not answer" in found.detail
 
 
@@ -343,7 +343,7 @@ def test_nothing_is_cleared_of_a_node_that_the_master_does_not_know(nodes: Nodes
 def test_a_substitute_of_ours_is_ended_without_further_proof(nodes: Nodes, make: Make) -> None:
     node = make("/anything")
     nodes.adopt(NAME, psutil.Process(node.process.pid))
-    assert nodes.find(NAME, "", True).where is Where.HERE
+    assert nodes.find(FindNode(NAME)).where is Where.HERE
     assert ended(nodes) == {"left": ""}
 
 
@@ -370,7 +370,7 @@ def test_who_registers_nonsense_is_nobody(nodes: Nodes) -> None:
         except (rosgraph.MasterException, xmlrpc.client.Error):
             continue
         assert nodes.learn(NAME, TOPIC) is None
-        assert nodes.find(NAME, TOPIC, True).where is Where.UNKNOWN
+        assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.UNKNOWN
 
 
 @pytest.mark.parametrize("answer", [[1, "", 7], [1, "", [[["/speed"]]]], [1, "", [[7], 7]], "x"])
@@ -439,6 +439,20 @@ def test_the_launch_that_has_started_a_node_protects_it_and_no_other(
         assert protection(NAME, process, ()) == why
         launch.end()
     rosgraph.Master("/test").deleteParam(URIS)
+
+
+def test_who_was_never_learned_and_is_protected_is_ended_only_by_name(
+    nodes: Nodes, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a second publisher is not that the SOM does not name."""
+    node = make()
+    register(node.uri)
+    monkeypatch.setattr("shsa_core.ros.processes.nodes._is_required", lambda name, process: True)
+    found = nodes.find(FindNode(NAME, True, TOPIC))
+    assert found == (Where.ANOTHER, 'its launch file says required="true"')
+    assert nodes.find(FindNode(NAME, True, TOPIC, spares=False)).where is Where.HERE
+    assert nodes.learn(NAME, TOPIC) is not None
+    assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.HERE, "that was decided before"
 
 
 @pytest.mark.parametrize("uris", [None, 7, {"a": 7}, {"other": "http://127.0.0.1:9/"}])

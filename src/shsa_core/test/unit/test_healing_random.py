@@ -1,5 +1,6 @@
 """Any story of a robot: what its consumers and nodes see, and the core's own invariants."""
 from dataclasses import replace
+from math import inf
 from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings, strategies as st
@@ -84,7 +85,7 @@ class AnyRobot(RuleBasedStateMachine):
             self.check_publishing()
         if isinstance(event, events.Tick):
             due = self.core.deadline
-            assert due is None or due > self.now, "a tick that has done nothing"
+            assert due > self.now, "a tick that has done nothing"
         self.sound = True
 
     def die(self, survivors: str) -> None:
@@ -205,7 +206,7 @@ class AnyRobot(RuleBasedStateMachine):
                     bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows
-        assert set(core.substitutes) <= self.running
+        assert set(core._processes.nodes) <= self.running
         if self.taken_up:
             assert self.reached() <= {node for node in self.shown if node in self.used}
 
@@ -451,7 +452,7 @@ class AnyRobot(RuleBasedStateMachine):
     @rule()
     def tick_when_due(self) -> None:
         due = self.core.deadline
-        if due is not None:
+        if due < inf:
             self.now = max(self.now, due)
             self.hear(events.Tick(self.now))
 

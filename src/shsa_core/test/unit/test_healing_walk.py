@@ -48,7 +48,7 @@ def reentries(files: List[str]) -> int:
 def test_a_failure_is_handled_in_few_files_that_are_seldom_entered_again(standby: Standby) -> None:
     som = Som([service("a", A, needed=True, standby=standby), service("b", B), service("c", C)])
     robot = Robot(som)
-    for node in robot.core.substitutes:
+    for node in robot.core._processes.nodes:
         robot.handle(events.ProcessPulse(3.0, node, True))
     robot.idle(3.0)
     failure = events.FailureSeen(10.0, "", "/a", A, Kind.NODE_GONE, "it died.", 9.98)

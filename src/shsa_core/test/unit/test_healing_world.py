@@ -1,5 +1,6 @@
 """The reconfigurator with nodes, launches, models, and services that share a topic."""
 from dataclasses import replace
+from math import inf
 from typing import Any, Callable, List
 
 import pytest
@@ -59,7 +60,7 @@ def test_a_node_that_could_not_be_learned_is_tried_until_it_is_known() -> None:
         assert robot.core.deadline == time + pause
         assert learned(robot.handle(events.Tick(time + pause))) == [A]
     robot.handle(events.NodeLearned(34.0, A, True))
-    assert robot.core.deadline is None
+    assert robot.core.deadline == inf
 
 
 def test_the_som_tells_which_processes_are_known() -> None:

@@ -1,4 +1,5 @@
 """The kill of a faulty node, step by step, and what counts as certain."""
+from math import inf
 from typing import Any, FrozenSet, List, Optional, Sequence, Tuple
 
 import pytest
@@ -58,7 +59,7 @@ def parts(said: Sequence[Said]) -> Parts:
 def begun(urgent: bool = True, quick: bool = False) -> Killing:
     kills = Killing()
     order = KillNode(N, urgent=urgent, quick=quick)
-    assert kills.begin(10.0, order) == [FindNode(N, successor=urgent)]
+    assert kills.begin(10.0, order) == [FindNode(N, successor=urgent, spares=not quick)]
     assert kills.nodes == {N}
     return kills
 
@@ -82,7 +83,7 @@ def test_a_node_that_leaves_when_it_is_asked_is_certainly_gone() -> None:
     commands, over = kills.told(NodeLeft(10.05, N))
     assert commands == [ClearNode(N)]
     assert over == KillOver(10.05, N, Outcome.GONE, "it left")
-    assert not kills.nodes and kills.agenda.next() is None
+    assert not kills.nodes and kills.agenda.next() == inf
 
 
 @pytest.mark.parametrize("quick, patience", [(True, 0.1), (False, 1.0)])
@@ -186,7 +187,7 @@ def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where
         FindNode(N, successor=False)
     ]
     assert kills.told(NodeFound(10.1, N, where)) == ([], KillOver(10.1, N, Outcome.SPARED))
-    assert not kills.nodes and kills.agenda.next() is None
+    assert not kills.nodes and kills.agenda.next() == inf
 
 
 def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:

@@ -200,7 +200,7 @@ def test_safe_values_are_nothing_to_go_on_from() -> None:
     fail(robot, A, 10.0, b"good")
     (row_,) = robot.working()
     fail(robot, row_.node, 11.0, b"safe", "silent")
-    robot.handle(healing.Tick(robot.core.deadline or 0.0))
+    robot.handle(healing.Tick(robot.core.deadline))
     assert robot.core.services["a"].last_message == b"good"
 
 

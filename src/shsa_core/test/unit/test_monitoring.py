@@ -57,6 +57,33 @@ def test_a_lost_connection_is_a_failure_at_once(bench: Bench) -> None:
     assert bench.state() == "failed"
 
 
+def test_who_may_only_be_cut_off_is_not_gone_before_that_is_certain(bench: Bench) -> None:
+    """Its link may be down for long: then its connection ends, and its node lives."""
+    cut_off = lambda: bench.send(Disconnected(bench.now, TOPIC, NODE, certain=False))
+    cut_off()
+    assert bench.failures == [] and bench.state() == "healthy"
+    bench.wait(DEADLINE)
+    assert bench.kinds() == [(NODE, "silent")]
+    bench.wait(150.0)
+    cut_off()
+    assert bench.rows[TOPIC, NODE].kind == "silent"
+    bench.connect()
+    bench.stream(10)
+    assert bench.state() == "healthy"
+    bench.disconnect()
+    assert bench.kinds()[1:] == [(NODE, "node_gone")]
+
+
+def test_each_good_message_of_who_was_silent_is_told(bench: Bench) -> None:
+    bench.wait(1.0)
+    bench.stream(1)  # it may have been held up
+    for _ in range(3):
+        bench.stream(1)
+        row = bench.rows[TOPIC, NODE]
+        assert (row.state, row.kind, row.last_good) == ("failed", "silent", bench.now)
+    assert len(bench.failures) == 1
+
+
 def test_the_row_of_who_fails_tells_of_it(bench: Bench) -> None:
     (said,) = bench.send(Disconnected(bench.now, TOPIC, NODE))
     assert said == HealthChanged(bench.now, bench.core.table(), (), bench.core.table())

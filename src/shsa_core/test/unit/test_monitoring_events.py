@@ -2,7 +2,7 @@
 from math import inf, nan
 
 from monitor_bench import NODE, TOPIC, Bench, service
-
+from shsa_core.monitoring.events import Disconnected
 
 EVENT_DRIVEN = service(period=None, name="button")
 
@@ -27,6 +27,15 @@ def test_an_event_driven_service_is_watched_for_its_connection_and_its_values() 
     bench.stream(3, value=nan, period=100.0)
     assert bench.kinds() == [(NODE, "node_gone"), (NODE, "not_a_number")]
     bench.stream(5, period=100.0)
+    assert bench.state() == "healthy"
+
+
+def test_an_event_driven_service_has_no_silence_to_wait_for() -> None:
+    bench = Bench(EVENT_DRIVEN)
+    bench.connect()
+    bench.send(Disconnected(bench.now, TOPIC, NODE, certain=False))
+    assert bench.kinds() == [(NODE, "node_gone")]
+    bench.connect()
     assert bench.state() == "healthy"
 
 

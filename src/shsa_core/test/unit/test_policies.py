@@ -4,6 +4,7 @@ And what is done when nothing is left.
 """
 import math
 from dataclasses import replace
+from math import inf
 from typing import List
 
 import pytest
@@ -26,7 +27,8 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.files.parameters import read_settings
 from shsa_core.healing.settings import Settings
-from shsa_core.model.kinds import Policy
+from shsa_core.model.health import PublisherHealth, PublisherState
+from shsa_core.model.kinds import Kind, Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import LastResort
 from shsa_core.model.som import Som
@@ -64,7 +66,7 @@ def test_no_node_is_started_again_once_the_launch_ends() -> None:
     robot.fail("/a", A, 10.0)
     robot.killed(10.1, A)
     robot.handle(events.LaunchEnding(10.5))
-    assert robot.core.deadline is None, "a tick does nothing: it would be due for good"
+    assert robot.core.deadline == inf, "a tick does nothing: it would be due for good"
     assert not has(robot.handle(events.Tick(11.2)), events.RestartNode)
 
 
@@ -76,6 +78,55 @@ def test_a_node_that_does_not_come_back_in_time_is_killed_and_tried_again() -> N
     assert only(robot.handle(events.Tick(16.0)), events.FindNode).node == A
     robot.killed(16.1, A)
     assert has(robot.handle(events.Tick(18.2)), events.RestartNode)
+
+
+def test_a_node_that_needs_long_to_start_has_twice_as_long_the_next_time() -> None:
+    robot = Robot(som("restart"), restart_pause=1.0, restart_timeout=5.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.0, A)
+    robot.handle(events.Tick(11.0))
+    robot.handle(events.Tick(16.0))
+    robot.killed(16.1, A)
+    assert has(robot.handle(events.Tick(18.2)), events.RestartNode)
+    assert not has(robot.handle(events.Tick(28.1)), events.FindNode)
+    assert has(robot.handle(events.Tick(28.3)), events.FindNode)
+
+
+@pytest.mark.parametrize("kind", ["silent", "never_published"])
+def test_who_cannot_be_started_again_is_not_ended_for_that(kind: str) -> None:
+    unknown = Robot(som("restart"), learned=False)
+    theirs = Robot(som("restart"))
+    theirs.handle(events.NodeLearned(2.0, A, True, starts=False))
+    for robot in (unknown, theirs):
+        robot.failure("/a", A, 10.0, kind, "it is late.", 9.98)
+        for time in (10.1, 12.1, 15.0):
+            robot.handle(events.Tick(time))
+        assert not has(robot.said, events.FindNode)
+        incident = last_incident(robot.said)
+        assert incident.state is State.KEPT, incident
+
+
+def test_who_has_died_and_was_never_learned_is_told_to_be_started_again_in_vain() -> None:
+    robot = Robot(som("restart"), learned=False, restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.1, A)
+    assert has(robot.handle(events.Tick(11.2)), events.RestartNode)
+
+
+def test_a_node_that_speaks_again_is_not_ended_as_silent() -> None:
+    robot = Robot(som("restart"))
+    robot.failure("/a", A, 10.0, "silent", "no message for 5 s.", 5.0)
+
+    def heard(time: float) -> None:
+        row = PublisherHealth("/a", A, PublisherState.FAILED, 10.0, 0.0, time, Kind.SILENT)
+        robot.rows["/a", A] = row
+        robot.table(time)
+
+    heard(10.5)
+    assert not has(robot.handle(events.Tick(12.1)), events.FindNode)
+    heard(13.5)
+    assert not has(robot.handle(events.Tick(14.2)), events.FindNode)
+    assert has(robot.handle(events.Tick(16.3)), events.FindNode), "it is silent again"
 
 
 def test_a_node_that_was_started_again_ends_the_incident_after_its_hold_off() -> None:
@@ -363,7 +414,7 @@ def test_safe_values_may_end_where_nodes_are_only_started_again_by_now() -> None
     others = [each for each in robot.som if each.name != "a"]
     robot.handle(events.SomChanged(11.0, Som([*changed, *others])))
     robot.handle(events.ProcessExited(12.0, node, "exit status 1"))
-    assert robot.core.deadline is not None
+    assert robot.core.deadline < inf
     robot.handle(events.Tick(robot.core.deadline))
 
 
@@ -463,7 +514,7 @@ def test_what_leaves_the_som_is_not_started_again() -> None:
     robot.killed(10.1, A)
     first, *others = som("restart")
     robot.handle(events.SomChanged(10.2, Som([replace(first, needed=False), *others])))
-    assert robot.core.deadline is None
+    assert robot.core.deadline == inf
     assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
 
 

@@ -94,7 +94,7 @@ def test_the_original_returns_and_the_substitute_stops_after_the_hold_off() -> N
     assert only(commands, events.StopSubstitute).node == node
     assert last_incident(commands).state is State.ENDED
     assert publishing(robot) == ()
-    assert robot.core.substitutes == ()
+    assert robot.core._processes.nodes == ()
 
 
 def test_an_original_that_fails_again_in_the_hold_off_gives_the_topic_back() -> None:
@@ -107,7 +107,7 @@ def test_an_original_that_fails_again_in_the_hold_off_gives_the_topic_back() -> 
     assert publishing(robot) == (False,)
     robot.killed(21.01, A)
     assert publishing(robot) == (True,)
-    assert robot.core.substitutes == (node,)
+    assert robot.core._processes.nodes == (node,)
     assert last_incident(robot.said).state is State.HEALED
     assert not has(robot.handle(events.Tick(30.0)), events.StopSubstitute)
 
@@ -473,7 +473,7 @@ def test_the_same_topic_heals_any_number_of_times() -> None:
         robot.table(start + 10)
         robot.rows = {key: row for key, row in robot.rows.items() if key[1] not in names}
         assert last_incident(robot.handle(events.Tick(start + 13))).id == round_ + 1
-        assert not robot.core.substitutes
+        assert not robot.core._processes.nodes
     assert len(names) == 20
 
 

@@ -123,6 +123,36 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     monitor.until(lambda: "Disconnected" in monitor.kinds())
     assert monitor.kinds() == ["Interrupted", "Disconnected"]
     assert settings.CALL_S <= time.monotonic() - begun < settings.CALL_S + 0.3
+    assert not monitor.seen[-1].certain
+
+
+def test_a_node_that_was_cut_off_for_long_is_connected_again(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """Nobody else asks: rospy does so when the master tells of a publisher, and no more."""
+    monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.5)
+    monitor.connect(node)
+    node.answers = False
+    node.close_connections()
+    monitor.until(lambda: node.asked > 2)
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
+    node.answers = True
+    monitor.until(lambda: "Connected" in monitor.kinds())
+    assert monitor.kinds() == ["Interrupted", "Disconnected", "Connected"]
+    assert not monitor.connections._reconnection._doubts
+
+
+def test_who_dies_while_it_is_cut_off_is_gone_for_certain(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.5)
+    monitor.connect(node)
+    node.answers = False
+    node.close_connections()
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    node.die()
+    monitor.until(lambda: len(monitor.seen) == 3)
+    assert monitor.kinds()[2] == "Disconnected" and monitor.seen[2].certain
 
 
 def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(

@@ -1,5 +1,6 @@
 """Warm and hot: what the reconfigurator has ready before a failure."""
 from dataclasses import replace
+from math import inf
 from typing import Sequence
 
 import pytest
@@ -218,7 +219,7 @@ def test_a_hot_substitute_stays_muted_after_the_original_returned() -> None:
     commands = robot.handle(events.Tick(22.5))
     assert last_incident(commands).state is State.ENDED
     assert not has(commands, events.StopSubstitute)
-    assert robot.core.substitutes == (node,) and publishing(robot) == (False,)
+    assert robot.core._processes.nodes == (node,) and publishing(robot) == (False,)
 
 
 def test_a_hot_substitute_that_dies_unused_is_started_again_after_a_pause() -> None:
@@ -235,7 +236,7 @@ def test_nothing_is_started_again_for_a_service_that_left_the_som() -> None:
     robot.handle(events.ProcessExited(5.0, node, "status 1"))
     rest = [each for each in robot.som if not each.needed]
     robot.handle(events.SomChanged(5.1, Som(rest)))
-    assert robot.core.deadline is None
+    assert robot.core.deadline == inf
 
 
 @pytest.mark.parametrize("moved", [True, False], ids=["another topic", "another publisher"])

@@ -1,5 +1,6 @@
 """A reconfigurator that is killed, and the next one that takes up what it has left."""
 from dataclasses import replace
+from math import inf
 from typing import Any, Dict, List, Tuple
 
 import pytest
@@ -149,7 +150,7 @@ def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby
     assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
     robot.handle(events.GraphSeen(20.3, (("/a", ()),)))
     gone = robot.idle(20.4)
-    assert standby is Standby.WARM or not robot.core.substitutes, gone
+    assert standby is Standby.WARM or not robot.core._processes.nodes, gone
 
 
 def test_a_process_that_nothing_tells_of_is_ended() -> None:
@@ -240,7 +241,7 @@ def test_a_service_that_waits_to_be_healed_is_tried_again() -> None:
     robot.fail("/a", A, 10.0)
     assert last_incident(robot.said).state is State.UNHEALED
     succeed(robot, 20.0)
-    assert robot.core.deadline is not None
+    assert robot.core.deadline < inf
     assert last_incident(robot.said).state is State.UNHEALED
 
 
@@ -322,7 +323,7 @@ def test_who_is_said_to_have_failed_is_not_written_down_as_healthy() -> None:
 
 def test_a_hot_substitute_stands_by_on_after_a_death_as_its_incident_ended() -> None:
     robot = Robot(Som([service("a", A, needed=True, standby=Standby.HOT), *list(SOM)[1:]]))
-    (node,) = robot.core.substitutes
+    (node,) = robot.core._processes.nodes
     robot.fail("/a", A, 10.0)
     robot.killed(10.1, A)
     robot.row("/a", node, "healthy", 10.2, first=10.2)

@@ -434,8 +434,7 @@ class HealthyRobot:
         self._later(max(0.001, due - self.now), self._look)
         while self._healing.plans_ahead:
             self._heal(healing.Idle(self.now))
-        deadline = self._healing.deadline
-        if deadline is not None and deadline <= self.now:
+        if self._healing.deadline <= self.now:
             self._heal(healing.Tick(self.now))
 
     def _watch(self, event: events.Event) -> None:

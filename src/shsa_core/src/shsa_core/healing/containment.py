@@ -22,7 +22,7 @@ class Charge:
     lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
     `useful`: what it publishes well, on the failed topic too.
     `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
-    the consumers of that topic.
+    the consumers of that topic. `elsewhere`: it is on another computer than healing.
     """
 
     node: str
@@ -38,6 +38,7 @@ class Charge:
     useful: Tuple[str, ...] = ()
     was_good: bool = True
     gated: bool = False
+    elsewhere: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ def decide(charge: Charge) -> Verdict:
         return Verdict(False, f"{kept}: {charge.protected}")
     if charge.kind in (Kind.FRAME, Kind.LENGTH):
         return Verdict(False, f"{kept}: its settings may have been changed")
+    if charge.elsewhere and charge.kind in (Kind.STALE_STAMP, Kind.FUTURE_STAMP):
+        return Verdict(False, f"{kept}: the clock of its computer may have been set")
     silent = charge.kind in MISSED
     if charge.restarted:
         until = " if it stays silent" if silent else ""
@@ -126,6 +129,7 @@ class Stakes:
             tuple(sorted(useful)),
             (service.topic, node) in self._health.good,
             service.gated,
+            bool(self._robot.host_of(node)),
         )
         verdict = decide(charge)
         if service.policy is not Policy.ADVISE:

@@ -50,7 +50,7 @@ class Started(Event):
 
     `records`: what a former one has written down. `running`: the substitutes and nodes started
     again that run on. `leftovers`: other nodes named as a substitute that are dead; `strangers`:
-    those of which nobody knows that. `subscribers`: as in GraphSeen.
+    those of which nobody knows that. `subscribers`, `duties`: as in GraphSeen, as far as is known.
     """
 
     leftovers: Tuple[str, ...] = ()
@@ -59,6 +59,7 @@ class Started(Event):
     running: Tuple[str, ...] = ()
     preparing: bool = False
     subscribers: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
+    duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,12 @@ class GraphSeen(Event):
 class NodeLearned(NodeEvent):
     """It was looked which process a node is; `known`: that is verified.
 
-    `protected`: as in Charge.
+    `protected`: as in Charge. `starts`: healing can start it again.
     """
 
     known: bool
     protected: str = ""
+    starts: bool = True
 
 
 @dataclass(frozen=True)
@@ -326,13 +328,15 @@ class FindNode(NodeCommand):
 
     `successor`: if the process that was learned is dead, the one with its name now is meant.
     `topic`: what it must publish; empty: it is a substitute of ours. `listen`: for how many s it is
-    counted on its own computer what it sends. `uri`: the address at which it must listen.
+    counted on its own computer what it sends. `uri`: the address at which it must listen. `spares`:
+    who was never learned is looked at first, and is another one if it is protected.
     """
 
     successor: bool = True
     topic: str = ""
     listen: float = 0.0
     uri: str = ""
+    spares: bool = True
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The health of the publishers of each topic, as the monitors tell it."""
 from collections import defaultdict
 from dataclasses import replace
+from math import inf
 from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set, Tuple
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
@@ -25,7 +26,8 @@ class Health:
     substitutes that run, or did not long ago. `excluded`: when each node that was killed and has
     not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
     a node is never killed unless the SOM says so; `duties`: what a kill costs beyond the SOM.
-    `verified`: the nodes whose process is known. `good`: who has ever published a topic well.
+    `verified`: the nodes whose process is known. `startable`: those that healing can start again,
+    as it knows how they were started. `good`: who has ever published a topic well.
     `templates`: a message of each who was well. `consumers`: the nodes outside healing that
     subscribe to each topic. `due`: when `missed` has something to tell.
     """
@@ -40,10 +42,11 @@ class Health:
         self.protected: Dict[str, str] = {}
         self.duties: Dict[str, Tuple[str, ...]] = {}
         self.verified: Set[str] = set()
+        self.startable: Set[str] = set()
         self.good: Set[Key] = set()
         self.templates: Dict[Key, bytes] = {}
         self.consumers: Dict[str, Tuple[str, ...]] = {}
-        self.due: Optional[float] = None
+        self.due = inf
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
         self._began: Dict[str, int] = {}  # by computer: when its monitor did
         self._lost: Set[str] = set()  # the computers whose monitors are not heard
@@ -88,7 +91,7 @@ class Health:
         before = self._began.get(change.host, change.began)
         anew = change.began not in (0, before)  # it is another monitor
         self._began[change.host] = change.began or before
-        if anew or (self._unheard and self.due is None):
+        if anew or (self._unheard and self.due == inf):
             self.due = change.time + START_S
         if anew:
             self._unheard.update(dict.fromkeys(filter(self.healthy, self._told(change.host))))
@@ -185,9 +188,9 @@ class Health:
 
     def missed(self, time: float) -> Optional[HealthSeen]:
         """Return what is so for those whom a new monitor has not heard in time."""
-        if self.due is None or time < self.due:
+        if time < self.due:
             return None
-        told, self._unheard, self.due = self._unheard, {}, None
+        told, self._unheard, self.due = self._unheard, {}, inf
         rows = tuple(row for row in told.values() if row is not None)
         return HealthSeen(time, rows, tuple(key for key, row in told.items() if row is None))
 

@@ -31,6 +31,8 @@ class Identities:
             self.agenda.set(node, event.time + self._settings.paused(tries))
         if event.known:
             self._health.verified.add(node)
+            startable = self._health.startable
+            (startable.add if event.starts else startable.discard)(node)
             protected.pop(node, None)
         if event.protected:
             protected[node] = event.protected

@@ -124,13 +124,13 @@ class Kills:
         host = robot.host_of(node) if robot.som.hosts else ""
         waits = order.only_here and (host or not order.quick)
         if waits and robot.computers.reachable(host):
-            self.wait(node)
+            self.wait(node, order.period)
             return []
         return self.begin(robot.time, order if host else replace(order, period=0.0))  # no link
 
-    def wait(self, node: str) -> None:
-        """Kill a node later, once its computer was heard beside it."""
-        self.again.set(node, self._robot.time + CERTAIN_S)
+    def wait(self, node: str, period: float = 0.0) -> None:
+        """Kill a node later, once its computer was heard beside it, and it could be heard twice."""
+        self.again.set(node, self._robot.time + max(CERTAIN_S, 2.0 * period))
 
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
@@ -282,7 +282,8 @@ class Kills:
         kill = self._kills[node]
         self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
         row = self._health.rows.get(topic, {}).get(node)
-        return events.FindNode(node, kill.order.urgent, topic, kill.listen, row.uri if row else "")
+        uri, spares = row.uri if row else "", not kill.order.quick
+        return events.FindNode(node, kill.order.urgent, topic, kill.listen, uri, spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False

@@ -146,27 +146,13 @@ class Reconfigurator:
         return self.robot.planner.plans.stale and not (self._over or self.robot.maintained)
 
     @property
-    def deadline(self) -> Optional[float]:
-        """Return when a Tick is due, in s; None: none is."""
-        robot = self.robot
-        if self._over:
-            return None
-        if robot.maintained:
-            return self._held_until
-        dues = (
-            self._core.agenda.next(),
-            self._processes.deadline,
-            self._nodes.deadline,
-            self._core.asked.next(),
-            robot.health.due,
-            robot.computers.settling.next(),
-        )
-        return min((due for due in dues if due is not None), default=None)
-
-    @property
-    def substitutes(self) -> Tuple[str, ...]:
-        """Return the node names of the substitutes that run now."""
-        return self._processes.nodes
+    def deadline(self) -> float:
+        """Return when a Tick is due, in s; infinite: none is."""
+        robot, core = self.robot, self._core
+        if self._over or robot.maintained:
+            return inf if self._over else self._held_until
+        dues = self._processes.deadline, self._nodes.deadline, robot.health.due
+        return min(*dues, core.agenda.next(), core.asked.next(), robot.computers.settling.next())
 
     def needed(self) -> Tuple[Service, ...]:
         """Return the services that are healed when they fail."""
@@ -200,6 +186,7 @@ class Reconfigurator:
         """Begin; what is needed is known first: processes that stand by for it are taken up."""
         robot = self.robot
         robot.note_subscribers(event.subscribers)
+        robot.health.duties.update(event.duties)
         robot.som = robot.planner.som = robot.as_told(self._given)
         for service in robot.som:
             self._offer(service)
@@ -286,7 +273,7 @@ class Reconfigurator:
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
         self._processes.starts.waiting.clear()
-        return [events.StopSubstitute(node) for node in self.substitutes]
+        return [events.StopSubstitute(node) for node in self._processes.nodes]
 
     def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
         self._over = True

@@ -24,6 +24,7 @@ from shsa_core.healing.robot import Robot
 from shsa_core.model.kinds import BY_LINK, QUIET, Contain, Kind, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
+from shsa_core.planning.settings import CERTAIN_S
 
 
 UNTRIED = Trust()
@@ -91,11 +92,10 @@ class Nodes:
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
 
     @property
-    def deadline(self) -> Optional[float]:
-        """Return when `tick` has something to do, in s; None: nothing is due."""
+    def deadline(self) -> float:
+        """Return when `tick` has something to do, in s; infinite: nothing is due."""
         agendas = (self.kills.agenda, self.kills.again, self._returns, self.identities.agenda)
-        dues = [agenda.next() for agenda in agendas]
-        return min((due for due in dues if due is not None), default=None)
+        return min(agenda.next() for agenda in agendas)
 
     def accusers(self, node: str) -> List[str]:
         """Return the services that accuse a node."""
@@ -140,6 +140,7 @@ class Nodes:
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
+        restarted &= gone or node in self._health.startable
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -205,10 +206,22 @@ class Nodes:
         said: List[Said] = []
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
-            if service is not None and not accusation.back and not accusation.kept:
+            if service is None or accusation.back or accusation.kept:
+                continue
+            if accusation.silent and self._speaks(service, node):
+                self.kills.wait(node, service.period or 0.0)
+            else:
                 order = self._order(service, accusation)
                 said += self.kills.order(replace(order, urgent=True, only_here=False))
         return said
+
+    def _speaks(self, service: Service, node: str) -> bool:
+        """Tell that a node was heard so lately that it may not be silent any more."""
+        row = self._health.row((service.topic, node))
+        if row is None or row.last_good is None:
+            return False
+        patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
+        return row.last_good > max(row.since, self._robot.time - patience)
 
     def _outcomes(self, said: Sequence[Said]) -> List[Said]:
         found: List[Said] = []
@@ -370,7 +383,8 @@ class Nodes:
         specs = map(self._robot.spec, tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
-        due = self._robot.time + self._settings.restart_timeout if starts and own else None
+        patience = doubled(self._settings.restart_timeout, case.trust.restarts - 1)
+        due = self._robot.time + patience if starts and own else None
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []

@@ -52,11 +52,9 @@ class Processes:
         return (*self._services, *self.pool.processes)
 
     @property
-    def deadline(self) -> Optional[float]:
-        """Return when something that stands by is to be started, in s; None: nothing is."""
-        idle, starts = self.pool.deadline, self.starts
-        dues = (None if idle is None else max(idle, starts.held_until), starts.deadline)
-        return min((due for due in dues if due is not None), default=None)
+    def deadline(self) -> float:
+        """Return when something that stands by is to be started, in s; infinite: nothing is."""
+        return min(max(self.pool.deadline, self.starts.held_until), self.starts.deadline)
 
     def served(self, node: str) -> Tuple[str, ...]:
         """Return the services that the substitutes in a process work for."""

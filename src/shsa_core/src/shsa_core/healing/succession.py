@@ -4,6 +4,7 @@ Nothing in its records is believed that does not fit: a process counts if it is 
 program if it is a plan of the models as they are now, a health until the monitor tells another.
 """
 from dataclasses import replace
+from math import inf
 from typing import List
 
 from shsa_core.healing import events, hearing
@@ -80,7 +81,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
     commands += core.settle()
     for record in event.records:
         if isinstance(record, IdleProcess) and record.node in event.running:
-            if not record.host and processes.pool.deadline is not None:  # it lacks one
+            if not record.host and processes.pool.deadline < inf:  # it lacks one
                 processes.add_idle(record)
     for each in stand:
         commands += _take_up_service(core, event, each)

@@ -106,7 +106,7 @@ ROWS = (
         lambda case: case.together >= TOGETHER_NODES,
     ),
     Row(
-        "its rate was never good: `period` is that of another node",
+        "its rate was never good: `period` in the SOM may be wrong, or that of another node",
         (Blame.RATE, Blame.HASTE),
         lambda case: not case.paced,
     ),

@@ -77,7 +77,9 @@ class Connected(PublisherEvent):
 
 @dataclass(frozen=True)
 class Disconnected(PublisherEvent):
-    """A publisher is gone: its node, or what it offered."""
+    """A publisher is gone: its node, or what it offered; `certain`: else it may be cut off."""
+
+    certain: bool = True
 
 
 @dataclass(frozen=True)

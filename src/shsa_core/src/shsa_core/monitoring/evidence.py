@@ -251,10 +251,10 @@ class Evidence:
         return next((each.unusual for each in self._values if each.unusual), "")
 
     def take_habits(self, other: "Evidence") -> None:
-        """Go on with what another one learned of stamps and forms on the same connection."""
+        """Go on with what another one learned of stamps, forms and the rate of the same node."""
         self._form = other._form
         if self.stamps.period == other.stamps.period:
-            self.stamps = other.stamps
+            self.stamps, self.rate_was_good = other.stamps, other.rate_was_good
 
     def take_messages(self, other: "Evidence") -> None:
         """Go on with the messages of the same publisher, judged by other numbers so far."""

@@ -8,7 +8,7 @@ from shsa_core.derivations.agreement import Witnesses
 from shsa_core.derivations.calibrations import Calibrations
 from shsa_core.derivations.evaluation import Derivations
 from shsa_core.model.checks import BY_VALUE, Finding, judge
-from shsa_core.model.kinds import Kind
+from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import IntruderSample, ValueSample
 from shsa_core.model.service import Deadlines
@@ -56,6 +56,8 @@ class Judgement:
         if publisher.state is FAILED:
             steady = previous is not None and event.time - previous <= publisher.allowed
             healthy = publisher.evidence.recovers(good, steady)
+            if good and publisher.kind in QUIET:
+                self._board.touch(publisher)  # it speaks again: it is not to be ended as silent
         if healthy:
             self._board.become_healthy(publisher)
         return good
@@ -91,7 +93,7 @@ class Judgement:
         intrusion = self._intrusion(publisher)
         if intrusion is not None:
             good, failure = False, intrusion
-        quiet = publisher.kind in (Kind.SILENT, Kind.NEVER_PUBLISHED)
+        quiet = publisher.kind in QUIET
         if failure is not None and (publisher.state is not FAILED or quiet):
             self._board.fail(publisher, failure.kind, failure.detail)
         evidence = publisher.evidence
@@ -151,8 +153,8 @@ class Judgement:
             if not publisher.is_healthy:
                 return None
             case = self._around.slow(LATE[failure.kind], publisher)
-            named = self._board.is_named(publisher)
-            case = replace(case, paced=named or evidence.rate_was_good)
+            substitute = self._board.is_substitute(publisher)
+            case = replace(case, paced=substitute or evidence.rate_was_good)
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)

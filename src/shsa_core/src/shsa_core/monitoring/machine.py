@@ -4,7 +4,7 @@ from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
 from shsa_core.model.health import Key, PublisherHealth
-from shsa_core.model.kinds import Kind
+from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
@@ -57,8 +57,7 @@ class Monitor:
 
         Messages move it away, save where the learned deadline has become shorter.
         """
-        due = None if self._ends else self._board.agenda.next()
-        return inf if due is None else self._pace.due(due)
+        return inf if self._ends else self._pace.due(self._board.agenda.next())
 
     def handle(self, event: Event) -> List[Command]:
         """Return what `event` brings to light: the rows that changed first."""
@@ -180,6 +179,8 @@ class Monitor:
         board, publisher = self._board, self._board.find(event.topic, event.publisher)
         if publisher is None:
             return
+        if not event.certain and (publisher.deadline < inf or publisher.kind in QUIET):
+            return  # its silence tells
         topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
         publisher.connected = publisher.retired = False
         detail = "its connection was lost: the node died or left"

@@ -43,9 +43,9 @@ class Pool:
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
     @property
-    def deadline(self) -> Optional[float]:
-        """Return when one more process is due, in s; None: none is."""
-        return min(self._lacking().values(), default=None)
+    def deadline(self) -> float:
+        """Return when one more process is due, in s; infinite: none is."""
+        return min(self._lacking().values(), default=inf)
 
     def due(self, time: float) -> Optional[str]:
         """Return a computer on which one more process is due; None: on none."""
@@ -131,10 +131,10 @@ class Starts:
         self._coming: Dict[str, float] = {}  # until when processes are awaited
 
     @property
-    def deadline(self) -> Optional[float]:
-        """Return when the next one may be started at the latest, in s; None: nobody waits."""
+    def deadline(self) -> float:
+        """Return when the next one may be started at the latest, in s; infinite: nobody waits."""
         if not self.waiting:
-            return None
+            return inf
         ends = sorted(self._coming.values())
         return max(ends[-AT_ONCE] if len(ends) >= AT_ONCE else -inf, self.held_until)
 

@@ -35,17 +35,17 @@ from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.kept import KnowledgeFile
-from shsa_core.ros.master.master_watch import MasterWatch, State
+from shsa_core.ros.master.master_watch import MasterWatch, Parts
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.places import boot
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.master.som_parameter import LIVE_PARAMETERS, SomWatch, put_som
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.workers import Workers, guarded
 from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
-from shsa_core.ros.node import LOG, guarded, read_parameters, recorded, run
+from shsa_core.ros.node import LOG, read_parameters, recorded, run
 from shsa_core.ros.services import Services
 from shsa_core.ros.succession import maintain, maintained, record_path, take_over
 from shsa_core.ros.wire import healing as wire, names
@@ -96,6 +96,7 @@ class ReconfiguratorNode:
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         self._master = MasterWatch(
             lambda node: node.startswith(prefix),
+            lambda node: self._core.names.of_healing(node, False),
             self._see_graph,
             KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
             self._core.robot.acts(som),
@@ -150,13 +151,12 @@ class ReconfiguratorNode:
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._may_act(som)
         self._listen(som, taking_up=True)
-        heritage = take_over(self._local, som, self._hosts.take_up())
-        self._records = heritage.file
+        known, elsewhere = self._master.known, self._hosts.take_up()
+        started, self._records = take_over(self._local, som, self._core.names, known, elsewhere)
+        self._listed = [dict(started.subscribers), dict(started.duties)]
         if maintained(rospy.get_namespace()):  # known before anything is started
             self._heed_maintenance()
-        self._decide(
-            replace(heritage.started, preparing=self._local.substitutes.forking is not None)
-        )
+        self._decide(replace(started, preparing=self._local.substitutes.forking is not None))
         self._substitutions.open()
         self._som_state.open()
         put_som(som)
@@ -251,10 +251,9 @@ class ReconfiguratorNode:
         except queue.Empty:
             if self._core.plans_ahead:
                 return lambda: self._handle(events.Idle(clock.now()))
-        deadline = self._core.deadline
-        wait = settings.TURN_S if deadline is None else deadline - clock.now()
+        wait = max(0.0, self._core.deadline - clock.now())
         try:
-            return self._queue.get(timeout=min(settings.TURN_S, max(0.0, wait)))
+            return self._queue.get(timeout=min(settings.TURN_S, wait))
         except queue.Empty:
             return lambda: self._handle(events.Tick(clock.now()))
 
@@ -268,11 +267,7 @@ class ReconfiguratorNode:
 
     def _decide(self, event: Event) -> None:
         for command in self._answer(event):
-            try:
-                self._carry_out[type(command)](command)
-            except Exception as error:  # whatever it is, the commands after it are carried out
-                what = type(command).__name__
-                rospy.logerr_throttle(10.0, f"{what} could not be carried out: {error!r}")
+            guarded(type(command).__name__, self._carry_out[type(command)], command)
 
     def _listen(self, som: Som, taking_up: bool = False) -> None:
         """Hear the agents, and see to it that both ends hear of each other."""
@@ -293,10 +288,10 @@ class ReconfiguratorNode:
             detail = str(error)
         rospy.logwarn("%s: %s has ended: %s.", service, words[0], detail)
 
-    def _see_graph(self, state: State) -> None:
+    def _see_graph(self, registered: Parts) -> None:
         """Tell the core who subscribes to services, and what else their nodes do."""
         som, names = self._core.robot.som, self._core.names
-        parts = [state.parts[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
+        parts = [registered[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
         now = [
             duties.subscribers_of(som, parts[1]),
             duties.duties_of(som, names, *parts, had=self._listed[1]),
@@ -420,11 +415,8 @@ def main() -> None:
     parser.add_argument("--secret", default="", help="the file with the secret of healing")
     parser.add_argument("--unsigned-failures", action="store_true", help="believe unsigned ones")
     parser.add_argument("--rosrun", action="store_true", help="start substitutes by it: no forks")
-    parser.add_argument(
-        "--no-operator",
-        action="store_true",
-        help="refuse calls of release, reload, substitute",
-    )
+    refuses = "refuse calls of release, reload, substitute"
+    parser.add_argument("--no-operator", action="store_true", help=refuses)
     parser.add_argument("--restart-as-root", action="store_true", help="also if we are root")
     parser.add_argument("--host", default="", help="what the SOM calls this computer")
     sandbox = "a program and its arguments to run the substitutes in"

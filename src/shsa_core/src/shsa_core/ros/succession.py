@@ -6,19 +6,22 @@ the reconfigurator and the boot, and needs no ROS master.
 import os
 import re
 from contextlib import suppress
-from typing import Collection, NamedTuple, Set, Tuple
+from functools import lru_cache
+from typing import Collection, Set, Tuple
 
 import rospkg
 import rospy
+from rosgraph import get_master_uri
 
-from shsa_core.analysis.registrations import read_pairs
+from shsa_core.analysis.duties import duties_of, subscribers_of
+from shsa_core.analysis.registrations import Graph, Part, read_pairs
 from shsa_core.errors import ShsaError
 from shsa_core.files.regular import written_by_others
 from shsa_core.healing import events
-from shsa_core.analysis.duties import subscribers_of
 from shsa_core.healing.records import Record, of_this_robot
 from shsa_core.journal.codec import Codec
 from shsa_core.journal.record_file import Former, RecordFile, read_records
+from shsa_core.model.names import Names
 from shsa_core.model.som import Som
 from shsa_core.ros import clock
 from shsa_core.ros.master.node_api import FAILURES, master_api
@@ -30,17 +33,15 @@ RUN = "/run_id"
 """The parameter that a ROS master's start is known by."""
 
 
-class Heritage(NamedTuple):
-    """The event to begin with, and the file for the records from now on."""
-
-    started: events.Started
-    file: RecordFile
-
-
-def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Heritage:
+def take_over(
+    host: LocalHost, som: Som, names: Names, known: Graph, elsewhere: Collection[str] = ()
+) -> Tuple[events.Started, RecordFile]:
     """Look what a former reconfigurator of this master and namespace has left, and watch it.
 
-    `elsewhere`: what agents on other computers have told to run there.
+    Returns the event to begin with, and the file for the records from now on.
+
+    `known`: what the former one knew of the graph, as the master may be a new one. `elsewhere`:
+    what agents on other computers have told to run there.
     """
     path = record_path(rospy.get_namespace())
     owner = {"boot": boot(), "run": str(rospy.get_param(RUN, ""))}
@@ -49,16 +50,20 @@ def take_over(host: LocalHost, som: Som, elsewhere: Collection[str] = ()) -> Her
     same_boot = former.owner.get("boot") == owner["boot"]  # moments of another: of another clock
     runs = running if same_boot else ()
     records = of_this_robot(former.records, former.owner == owner, runs)
-    publishers, subscribers, _ = map(read_pairs, master_api().getSystemState())
+    publishers, subscribers, services = map(read_pairs, master_api().getSystemState())
     nodes = {node for _, node in publishers}
+    publishers |= known.parts[Part.PUBLISHER]
+    subscribers |= known.parts[Part.SUBSCRIBER]
+    services |= known.parts[Part.SERVICE]
     started = events.Started(
         clock.now(),
         *_sorted_out(host, nodes - set(running)),
         records,
         tuple(running),
         subscribers=tuple(subscribers_of(som, subscribers).items()),
+        duties=tuple(duties_of(som, names, publishers, subscribers, services).items()),
     )
-    return Heritage(started, RecordFile(path, CODEC, owner, rospy.logwarn))
+    return started, RecordFile(path, CODEC, owner, rospy.logwarn)
 
 
 def _sorted_out(host: LocalHost, nodes: Set[str]) -> Tuple[Tuple[str, ...], Tuple[str, ...]]:
@@ -89,8 +94,14 @@ def record_path(namespace: str, kind: str = "records") -> str:
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     with suppress(OSError):  # who writes into it says so
         os.makedirs(folder, 0o700, exist_ok=True)
-    name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{master_place()}/{namespace}").strip("-")
+    name = re.sub(r"[^A-Za-z0-9_.]+", "-", f"{_place(get_master_uri())}/{namespace}").strip("-")
     return os.path.join(folder, f"{name}.{kind}")
+
+
+@lru_cache(maxsize=None)
+def _place(uri: str) -> str:
+    """Return the place of our master as it was first told: a name may not be resolved later."""
+    return master_place()
 
 
 def maintained(namespace: str) -> bool:

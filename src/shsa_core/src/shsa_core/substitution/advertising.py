@@ -4,7 +4,6 @@ A rospy subscriber that is told twice, by us and by the master, may connect twic
 Then each end drops a connection, now and then not the same one, and none is left: nobody but us
 would ever tell it again. And the master tells nobody of anything while three subscribers hang.
 """
-import math
 from itertools import count
 from typing import Collection, Dict, Iterable, List, Set, Tuple
 
@@ -86,5 +85,4 @@ class Advertising:
 
     def next(self) -> float:
         """Return when something is due next; infinite: never."""
-        due = self._leaving.next()
-        return min([math.inf if due is None else due, *self._reminders[:1]])
+        return min([self._leaving.next(), *self._reminders[:1]])

@@ -6,7 +6,6 @@ publisher. `remind` tells of our own; `Introductions` looks whether others were 
 import threading
 from contextlib import suppress
 from functools import lru_cache, partial
-from math import inf
 from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
 from typing import Sequence, Tuple
 
@@ -94,8 +93,7 @@ class Introductions:
     @property
     def deadline(self) -> float:
         """Return when somebody is to be looked at, in s; infinite: nobody is."""
-        due = self._looks.next()
-        return inf if due is None else due
+        return self._looks.next()
 
     def heed(self, time: float, publishers: FrozenSet[Publisher]) -> None:
         """Note the publishers of now."""

@@ -5,7 +5,7 @@ Parameters are not among it: a robot that was launched anew must not get those o
 import json
 import os
 import time
-from typing import NamedTuple
+from typing import Tuple
 
 import rospy
 
@@ -18,11 +18,8 @@ LARGEST_B = 1 << 25
 """A larger file is not read."""
 
 
-class Known(NamedTuple):
-    """A master by its process, 0 for none, and what it knew."""
-
-    pid: int = 0
-    graph: Graph = NOTHING
+Known = Tuple[int, Graph]
+"""A master by its process, 0 for none, and what it knew."""
 
 
 class KnowledgeFile:
@@ -35,9 +32,9 @@ class KnowledgeFile:
         self._path, self._boot = path, boot
         self._written = b""
 
-    def write(self, known: Known) -> None:
+    def write(self, pid: int, known: Graph) -> None:
         """Write what is known now, if it is not what was written last."""
-        pid, (parts, nodes, providers) = known
+        parts, nodes, providers = known
         pairs = {part.value: sorted(parts[part]) for part in Part}
         places = {"nodes": nodes, "providers": providers}
         data = write_line({"boot": self._boot, "pid": pid, "parts": pairs, **places})
@@ -57,10 +54,10 @@ class KnowledgeFile:
             age = time.time() - os.stat(self._path).st_mtime
             told = json.loads(read_own(self._path, LARGEST_B))
             if told["boot"] != self._boot or not 0.0 <= age <= settings.LONGEST_PAUSE_S:
-                return Known()
+                return 0, NOTHING
             pairs = {part: told["parts"][part.value] for part in Part}
             parts = {part: frozenset((name, node) for name, node in pairs[part]) for part in Part}
-            return Known(told["pid"], Graph(parts, told["nodes"], told["providers"]))
+            return told["pid"], Graph(parts, told["nodes"], told["providers"])
         except (OSError, ValueError, LookupError, TypeError) as error:
             rospy.logdebug("%s is not read: %s", self._path, error)
-            return Known()
+            return 0, NOTHING

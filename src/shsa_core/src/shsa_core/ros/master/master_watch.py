@@ -18,7 +18,7 @@ from shsa_core.analysis.registrations import Graph, Pairs, Part, Registration, S
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
-from shsa_core.ros.master.kept import Known, KnowledgeFile
+from shsa_core.ros.master.kept import KnowledgeFile
 from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
 REGISTER = {
@@ -32,11 +32,8 @@ LARGEST_PARAMETERS = 4_000_000
 """Characters; more than that is not kept. The SOM is put back by those who watch it."""
 
 
-class State(NamedTuple):
-    """All that is registered, and the process of the master that says so."""
-
-    pid: int
-    parts: Mapping[Part, Pairs]
+Parts = Mapping[Part, Pairs]
+"""All that is registered."""
 
 
 class MasterCalls:
@@ -49,13 +46,13 @@ class MasterCalls:
         self._master = node_api(rosgraph.get_master_uri(), *MASTER)
         self._me = rospy.get_name()
 
-    def state(self) -> State:
-        """Return everything that is registered."""
+    def state(self) -> Tuple[int, Parts]:
+        """Return the process of the master, and everything that is registered."""
         pid, parts = self._many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
         if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
             raise ShsaError("the master's answer is none")
         order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
-        return State(pid, dict(zip(order, map(registrations.read_pairs, parts))))
+        return pid, dict(zip(order, map(registrations.read_pairs, parts)))
 
     def pid(self) -> int:
         """Return the process of the master."""
@@ -117,27 +114,30 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes; `seen` hears each state of the
-    master, `pid` is its process. While `acts` is false it only looks. `file`: for what it knows.
+    `is_ours(node)`: whether a node is one of our substitutes; `of_healing(node)`: whether it is
+    healing's, or of ROS. `seen` hears at each look all that is registered. `pid` is the process of
+    the master, `known` what it knew, also in the `file`. While `acts` is false it only looks.
     """
 
     def __init__(
         self,
         is_ours: Callable[[str], bool],
-        seen: Callable[[State], None],
+        of_healing: Callable[[str], bool],
+        seen: Callable[[Parts], None],
         file: KnowledgeFile,
         acts: bool,
     ) -> None:
-        self._is_ours, self._seen, self.acts = is_ours, seen, acts
+        self._is_ours, self._of_healing, self._seen, self.acts = is_ours, of_healing, seen, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
         self._file = file
-        self.pid, self._known = file.read()
+        self.pid, self.known = file.read()
         self._kept: Mapping[Part, Pairs] = {}
         self._parameters: Mapping[str, Any] = {}
+        self._restores: Mapping[str, Any] = {}  # once a node of the robot has answered
         self._look_at = self._keep_at = self._kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
         self._anew_at = 0.0
@@ -151,7 +151,7 @@ class MasterWatch:
 
     def told(self) -> MasterState:
         """Return how things are now."""
-        kept = sum(map(len, self._known.parts.values()))
+        kept = sum(map(len, self.known.parts.values()))
         age = time.monotonic() - self._kept_at
         return MasterState(self._answers, tuple(sorted(self._introductions.hung)), kept, age)
 
@@ -172,37 +172,39 @@ class MasterWatch:
         introductions = self._introductions
         if self._calls.pid() == self.pid and now < min(self._look_at, introductions.deadline):
             return
-        state = self._calls.state()
-        registered = {node for pairs in state.parts.values() for _, node in pairs}
-        anew = self.pid and (state.pid != self.pid or self._me not in registered)
+        pid, parts = self._calls.state()
+        registered = {node for pairs in parts.values() for _, node in pairs}
+        anew = self.pid and (pid != self.pid or self._me not in registered)
         if anew:
             register_again()
-        self.pid = state.pid
+        self.pid = pid
         introductions.hung = introductions.hung & registered
         if anew:
             self._begin_anew(now)
         waiting: Collection[str] = ()
         if self._former is not None:
-            waiting = self._register_again(state, now)
-            state = self._calls.state()
-        self._introduce(state, now)
+            waiting = self._register_again(parts, now)
+            _, parts = self._calls.state()
+        self._introduce(parts, now)
         if self._former is None:  # else a new master does not know them all yet
-            self._seen(state)
-        if now >= self._keep_at or state.parts != self._kept:
-            self._kept = state.parts
-            self._known = registrations.together(self._graph(state), self._known, waiting)
-            self._file.write(Known(state.pid, self._known))
-            self._keep_parameters()
-            self._kept_at = now
+            self._seen(parts)
+        due = now >= self._keep_at
+        if due or parts != self._kept:
+            self._kept, self._kept_at = parts, now
+            self.known = registrations.together(self._graph(parts), self.known, waiting)
+            self._file.write(pid, self.known)
+        if due:
+            tree = self._calls.parameters()
+            self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
             pause = max(settings.PATIENCE_S, _took(now))
             self._keep_at = now + min(pause, 2 * settings.ANSWER_S)
         self._look_at = now + min(settings.PATIENCE_S, _took(now))
         if waiting and now < self._anew_at + settings.ANSWER_S:
             self._look_at = now
 
-    def _introduce(self, state: State, now: float) -> None:
-        parts = state.parts[Part.PUBLISHER], state.parts[Part.SUBSCRIBER]
-        offered, heard = ([pair for pair in part if pair[0] in self._topics] for part in parts)
+    def _introduce(self, parts: Parts, now: float) -> None:
+        both = parts[Part.PUBLISHER], parts[Part.SUBSCRIBER]
+        offered, heard = ([pair for pair in part if pair[0] in self._topics] for part in both)
         uris = self._calls.look_up("lookupNode", {node for _, node in (*offered, *heard)})
         found = frozenset(Publisher(t, n, uris[n]) for t, n in offered if n in uris)
         self._introductions.heed(now, found)
@@ -211,33 +213,31 @@ class MasterWatch:
                 nodes = {n: uris[n] for topic, n in heard if topic == new.topic and n in uris}
                 self._introductions.introduce(new, nodes)
 
-    def _graph(self, state: State) -> Graph:
-        nodes = {node for pairs in state.parts.values() for _, node in pairs}
-        services = {name for name, _ in state.parts[Part.SERVICE]}
+    def _graph(self, parts: Parts) -> Graph:
+        nodes = {node for pairs in parts.values() for _, node in pairs}
+        services = {name for name, _ in parts[Part.SERVICE]}
         uris = self._calls.look_up("lookupNode", nodes)
-        return Graph(state.parts, uris, self._calls.look_up("lookupService", services))
-
-    def _keep_parameters(self) -> None:
-        tree = self._calls.parameters()
-        self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
+        return Graph(parts, uris, self._calls.look_up("lookupService", services))
 
     def _begin_anew(self, now: float) -> None:
         does = "It is told again what the former one knew."
         does = does if self.acts else "Healing advises, and only looks."
         rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
         if self.acts:
-            values = registrations.missing_parameters(self._parameters, self._calls.parameters())
-            self._calls.set_parameters(values)
-            self._former, self._anew_at = self._known, now
+            self._restores, self._former, self._anew_at = self._parameters, self.known, now
             self._settled = set()
 
-    def _register_again(self, state: State, now: float) -> Collection[str]:
+    def _register_again(self, parts: Parts, now: float) -> Collection[str]:
         """Register what is missing; return the nodes that have not answered yet."""
         assert self._former is not None
-        present = self._graph(state)
+        present = self._graph(parts)
         asked = registrations.to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said = self._ask_all(waiting)
+        if not all(map(self._of_healing, said)):  # else it may be another robot's
+            found = registrations.missing_parameters(self._restores, self._calls.parameters())
+            self._calls.set_parameters(found)
+            self._restores = {}
         missing = registrations.to_register(self._former, present, said)
         if missing:
             answers = self._calls.register(missing)

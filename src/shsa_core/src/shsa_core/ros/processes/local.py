@@ -123,13 +123,13 @@ class LocalHost:
         known = self.nodes.learn(node, command.topic)
         process = known.process if known else None
         if process is None:
-            self._tell(events.NodeLearned(clock.now(), node, known is not None))
+            self._tell(events.NodeLearned(clock.now(), node, known is not None, starts=False))
             return
         self.restarts.learn(node, process)
         sharing = self.nodes.sharing(process) | {node}
         for each in sharing:
-            why = protection(each, process, sharing - {each})
-            self._tell(events.NodeLearned(clock.now(), each, True, why))
+            why, starts = protection(each, process, sharing - {each}), self.restarts.knows(each)
+            self._tell(events.NodeLearned(clock.now(), each, True, why, starts))
 
     def _came_up(self, node: str, process: psutil.Process) -> None:
         self.nodes.adopt(node, process)
@@ -137,7 +137,7 @@ class LocalHost:
 
     def _find(self, command: events.FindNode) -> None:
         node = command.node
-        found = self.nodes.find(node, command.topic, command.successor, command.uri)
+        found = self.nodes.find(command)
         sent = None
         if command.listen and found.where is Where.HERE:
             with suppress(*FAILURES):

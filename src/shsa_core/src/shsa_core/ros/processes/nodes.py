@@ -13,7 +13,7 @@ from typing import Any, Dict, FrozenSet, Iterable, NamedTuple, Optional, Set, Tu
 import psutil
 import rospy
 
-from shsa_core.healing.events import Where
+from shsa_core.healing.events import FindNode, Where
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, Address, address, located, master_api
 from shsa_core.ros.master.node_api import node_api, pid, resolved, topics, uri_at, uri_of
@@ -147,14 +147,14 @@ class Nodes:
         """Remember a process that we have started: it needs no further proof."""
         self._put(node, Known("", process, learned=True, ours=True))
 
-    def find(self, node: str, topic: str, successor: bool, uri: str = "") -> Found:
+    def find(self, asked: FindNode) -> Found:
         """Find where the process of a publisher runs that failed on a topic.
 
-        The learned one, or if that is dead, its successor. `uri`: the numeric address of the one
-        that failed; who does not listen there is another.
+        The learned one, or if that is dead, its successor.
         """
-        known = self.known(node)
-        if known is not None and known.process is not None and not known.lives and not successor:
+        node, uri, known = asked.node, asked.uri, self.known(asked.node)
+        dead = known is not None and known.process is not None and not known.lives
+        if dead and not asked.successor:
             return Found(Where.DEAD)
         try:
             if known is None or not known.lives:
@@ -168,7 +168,7 @@ class Nodes:
                 if known.dead:
                     self._put(node, known)
                     return Found(Where.DEAD)
-            doubt = self._doubt(node, topic, known)
+            doubt = self._doubt(node, asked.topic, known)
         except FAILURES as error:
             return Found(Where.UNKNOWN, f"the master does not answer: {error}")
         if doubt is not None:
@@ -178,6 +178,10 @@ class Nodes:
             if process and kernel.wait_for(partial(kernel.gone, process), settings.LOOK_S):
                 return Found(Where.DEAD)  # it closed its address first, as on `rosnode kill`
             return Found(Where.ANOTHER, f"the one that failed is at {uri}, and it is not")
+        if asked.spares and known.process is not None and not known.learned:
+            why = protection(node, known.process, self.sharing(known.process) - {node})
+            if why:
+                return Found(Where.ANOTHER, why)
         return Found(self._put(node, known).where)
 
     def _put(self, node: str, known: Known) -> Known:

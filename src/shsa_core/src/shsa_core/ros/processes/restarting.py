@@ -10,7 +10,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Callable, Dict, List, Optional, Sequence
+from typing import Callable, Dict, List, Optional, Sequence, Set
 
 import psutil
 import rospy
@@ -61,6 +61,7 @@ class Restarts:
         self._children, self._starter_ended, self._came = children, starter_ended, came
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
+        self._others: Dict[str, Set[int]] = {}  # by node: children of its starter that it is not
         threading.Thread(target=self._work, name="restarts", daemon=True).start()
 
     def watch(self, nodes: Sequence[str]) -> None:
@@ -83,16 +84,24 @@ class Restarts:
             start = replace(start, starter=self._starts[node].starter)
         self._starts[node] = start
 
+    def knows(self, node: str) -> bool:
+        """Return whether a node could be started again."""
+        return node in self._starts
+
     def _started_again(self, node: str) -> Optional[psutil.Process]:
         """Return the process of ours that a node's starter has started with the same command."""
         start = self._starts.get(node)
         if start is None or ended(start.starter):
             return None
-        for pid in _children(start.starter[0]):
+        children, before = set(_children(start.starter[0])), self._others.get(node, set())
+        others = self._others[node] = before & children
+        for pid in children - others:
             with suppress(psutil.Error, OSError):  # without descriptors the next look is soon
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
                     return process
+                if time.time() - process.create_time() > settings.LOOK_S:  # it is no fork of late
+                    others.add(pid)
         return None
 
     def take_up(self) -> List[str]:

@@ -2,16 +2,18 @@
 
 A lost connection alone is no evidence: a rospy subscriber that is told of a publisher twice makes
 two connections, and each end may drop another one; a publisher may drop a slow subscriber. What a
-node that has gone cannot do is listen at its own address, or offer the topic.
+node that has gone cannot do is listen at its own address, or offer the topic. Who does not answer
+may be cut off, or wait for a processor: it is asked again, ever more seldom.
 """
 import socket
 from dataclasses import dataclass
 from functools import partial
 from time import monotonic as _now
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, List, Optional, Tuple
 
 from rospy.impl.tcpros import get_tcpros_handler
 
+from shsa_core.agenda import doubled
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
@@ -51,8 +53,8 @@ def refuses(host: str, uri: str) -> bool:
 class Doubt:
     """Somebody who is not connected any more, and may be gone; or never was: `publisher` is empty.
 
-    It is asked for another connection TRIES times at most, and may not have answered yet (`waits`).
-    `until`: when it is taken to be gone.
+    It is asked for another connection TRIES times, and may not have answered yet (`waits`).
+    `until`: when that took too long; so it did `pauses` times. `gone`: that is certain.
     """
 
     topic: str
@@ -63,12 +65,14 @@ class Doubt:
     until: float
     tries: int = 0
     waits: bool = False
+    pauses: int = 0
+    gone: bool = False
 
 
 class Reconnection:
     """Keeps those who are in doubt, and asks them for connections.
 
-    All methods are for one thread; they return whose doubt has ended, so that it is gone. `tell` is
+    All methods are for one thread; they return who is gone, and once whoever may be. `tell` is
     called from others with a topic, and what is to be called for that.
     """
 
@@ -91,22 +95,35 @@ class Reconnection:
         """Return whether somebody is in doubt."""
         return (topic, uri) in self._doubts
 
-    def _answered(self, doubt: Doubt, willing: bool) -> List[Doubt]:
-        """See what follows if who was asked is `willing`, unless it is not that doubt any more."""
+    def _answered(self, doubt: Doubt, willing: Optional[bool]) -> List[Doubt]:
+        """See what follows if who was asked is `willing`, unless it is not that doubt any more.
+
+        None: it has not answered.
+        """
         if self._doubts.get((doubt.topic, doubt.uri)) is not doubt:
             return []
-        doubt.waits = False
+        doubt.waits, doubt.gone = False, willing is False
         doubt.tries = doubt.tries if willing else settings.TRIES
         return self._settle(doubt)
 
     def overdue(self) -> List[Doubt]:
-        """End the doubts that took too long."""
-        now = _now()
-        return [self._end(each) for each in list(self._doubts.values()) if each.until <= now]
+        """Ask those again who took too long; who never stood is forgotten."""
+        now, found = _now(), []
+        for doubt in [each for each in self._doubts.values() if each.until <= now]:
+            if not doubt.publisher:
+                self._end(doubt)
+                continue
+            found += [] if doubt.pauses else [doubt]
+            pause = doubled(settings.FIRST_PAUSE_S, doubt.pauses, settings.LONGEST_PAUSE_S)
+            doubt.until, doubt.pauses, doubt.tries = now + pause, doubt.pauses + 1, 0
+            found += self._settle(doubt)
+        return found
 
-    def connected(self, topic: str, uri: str) -> None:
-        """Doubt no more who is connected."""
-        self._doubts.pop((topic, uri), None)
+    def connected(self, topic: str, publisher: str, uri: str) -> None:
+        """Doubt no more who is connected, nor its predecessor."""
+        for doubt in [each for each in self._doubts.values() if each.topic == topic]:
+            if uri == doubt.uri or publisher == doubt.publisher:
+                self._end(doubt)
 
     def forget(self, topic: str) -> None:
         """Doubt nobody on a topic that nobody reads any more."""
@@ -118,11 +135,13 @@ class Reconnection:
     def _settle(self, doubt: Doubt) -> List[Doubt]:
         if doubt.waits or doubt.implementation.connects(doubt.uri):
             return []
-        if doubt.tries < settings.TRIES and not self.is_gone(doubt.host, doubt.uri):
+        doubt.gone = doubt.gone or self.is_gone(doubt.host, doubt.uri)
+        if doubt.gone:
+            return [self._end(doubt)] if doubt.publisher else []
+        if doubt.tries < settings.TRIES:
             doubt.waits, doubt.tries = True, doubt.tries + 1
             self._workers.put(partial(self._ask, doubt))
-            return []
-        return [self._end(doubt)] if doubt.publisher else []
+        return []
 
     def is_gone(self, host: str, uri: str) -> bool:
         """Return whether a node refuses calls; one look does for all topics that it closes."""
@@ -136,19 +155,21 @@ class Reconnection:
         return gone
 
     def _ask(self, doubt: Doubt) -> None:
-        willing = False
+        willing: Optional[bool] = False
         try:
             willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
         finally:  # whatever a strange node answers, it is not willing
             self._tell(doubt.topic, lambda: self._answered(doubt, willing))
 
 
-def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
-    """Connect as rospy does when the master tells it of a publisher."""
+def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]:
+    """Connect as rospy does when the master tells it of a publisher; None: it does not answer."""
     if implementation.connects(uri):
         return True
     try:
         protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
+    except OSError:
+        return None
     except FAILURES:
         return False
     if not protocol:
@@ -156,4 +177,4 @@ def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
     if implementation.connects(uri):  # rospy was faster
         return True
     done: int = get_tcpros_handler().create_transport(topic, uri, protocol)[0]
-    return done == 1
+    return done == 1 or None

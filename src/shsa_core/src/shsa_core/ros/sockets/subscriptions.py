@@ -182,12 +182,8 @@ class Subscriptions:
         self._caller_ids.ask_again()
         since = looked.time if found else since
         ready, self._hurried = self.inbox.ready() | self._hurried, set()
-        came = [
-            *self._read(ready, since),
-            *self._gone(self._reconnection.overdue()),
-            Tick(looked.time),
-        ]
-        return [*found, *sorted(came, key=lambda each: each.time)]
+        came = [*self._read(ready, since), *self._gone(self._reconnection.overdue())]
+        return [*found, *sorted([*came, Tick(looked.time)], key=lambda each: each.time)]
 
     def _tell(self, topic: str, happen: Happen) -> None:
         """Have something happen on a topic at the next look; from any thread."""
@@ -235,7 +231,7 @@ class Subscriptions:
         alike = [each for each in self._standing.values() if each.is_known and each.topic == topic]
         if [each.publisher for each in alike].count(publisher) == 1:
             yield Connected(self._time, topic, publisher, connection.at)
-        self._reconnection.connected(topic, connection.uri)
+        self._reconnection.connected(topic, publisher, connection.uri)
         if connection in self._newest:
             data = self._newest.pop(connection)
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
@@ -301,8 +297,8 @@ class Subscriptions:
         self._caller_ids.drop(connection)
 
     def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
-        """Say who is gone of those whose doubt has ended."""
+        """Say who is gone, or may be."""
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._caller_ids.forget(doubt.publisher, doubt.uri)
-                yield Disconnected(self._time, doubt.topic, doubt.publisher)
+                yield Disconnected(self._time, doubt.topic, doubt.publisher, doubt.gone)
