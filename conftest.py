@@ -145,15 +145,15 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             last, beside = gives_way(*worker), runs_beside(*worker)
 
             def turn(scope: str) -> int:
-                if computes(scope):
-                    return 4
+                if scope == ONE_BY_ONE:
+                    return 1
                 if case(scope) in WAITING:
                     return 0 if beside else 2
-                return 1 if scope == ONE_BY_ONE else 3 * (module(scope) not in ROBOTS)
+                return 4 if computes(scope) else 3 * (module(scope) not in ROBOTS)
 
             def may(scope: str) -> bool:
                 if last:
-                    return computes(scope)
+                    return turn(scope) == 4
                 return not beside or turn(scope) >= 3 or case(scope) in WAITING
 
             if self.numnodes >= 3:

@@ -20,6 +20,12 @@ def test_it():
 
 
 WAITS = "# wait_until"
+CASES = """
+import pytest
+@pytest.mark.parametrize("name", ["takeover", "alone", "gate"])
+def test_case(name):
+    test_it()
+"""
 
 
 def test_the_files_that_have_their_turn_are_there() -> None:
@@ -49,15 +55,16 @@ def test_the_last_worker_gives_way_and_only_computes(tmp_path: Path, count: int)
     shutil.copy(str(ROOT / "conftest.py"), str(tmp_path))
     names = (*conftest.ROBOTS, *conftest.COMPUTING[:3], "test_one", "test_other")
     for name in names:
-        (tmp_path / f"{name}.py").write_text(TEST + WAITS * (name == "test_one"))
+        more = {"test_one": WAITS, "test_rostests": CASES}.get(name, "")
+        (tmp_path / f"{name}.py").write_text(TEST + more)
     command = [sys.executable, "-m", "pytest", "-n", str(count), "-p", "no:cacheprovider", "."]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE)
     assert done.returncode == 0, done.stdout.decode()
     ran = [line.split() for line in (tmp_path / "ran").read_text().splitlines()]
-    assert sorted(name for name, _, _ in ran) == sorted(names)
+    assert {name for name, _, _ in ran} == {*names} and len(ran) == len(names) + 3
     last = [name for name, worker, _ in ran if worker == f"gw{count - 1}"]
     assert last and {*last} <= {*conftest.COMPUTING, "test_other"}
     for name, worker, policy in ran:
         assert int(policy) == os.SCHED_IDLE or worker != f"gw{count - 1}"
-        assert worker != "gw2" or name not in conftest.ROBOTS
+        assert worker != "gw2" or name not in {*conftest.ROBOTS} - {"test_rostests"}

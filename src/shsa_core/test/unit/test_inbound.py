@@ -255,6 +255,30 @@ def test_who_has_most_connections_loses_one(
     flood.communicate()
 
 
+def test_each_of_many_topics_has_room_for_consumers_elsewhere(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What stands by for many topics has a connection for each of their consumers."""
+    monkeypatch.setattr(settings, "MOST_WAITING", 2)
+    monkeypatch.setattr(settings, "CONSUMERS_A_TOPIC", 1)
+    monkeypatch.setattr(inbound.get_topic_manager(), "pubs", dict.fromkeys("abc"))
+    debts, served = inbound.Debts(), []  # type: Any, List[object]
+    start = inbound._apart(lambda *_: served.append(_), inbound.Room(debts, speaker))
+    ends = []
+    for number in range(6):
+        ours, theirs = socket.socketpair()
+        ends.append(theirs)
+        theirs.sendall(WHOLE)
+        start(None, inbound.Inbound(ours, "192.168.0.7", debts), "")
+        wait_until(lambda: len(served) == number + 1, 5.0, "it is served")
+    assert ends[0].recv(1) == b"", "the oldest has to go"
+    ends[1].settimeout(0.05)
+    with pytest.raises(socket.timeout):
+        ends[1].recv(1)
+    for each in ends:
+        each.close()
+
+
 def test_who_calls_too_much_waits_and_nobody_else(monkeypatch: pytest.MonkeyPatch) -> None:
     now, used = [0.0], [0.0]
     waits: List[float] = []

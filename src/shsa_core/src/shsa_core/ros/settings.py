@@ -66,7 +66,8 @@ QUEUE = 200
 # What rospy is held to.
 MOST_WAITING = 100
 """Connections to us without a header at the same time; an honest one takes milliseconds. And so
-many of other users and computers to our topics."""
+many of other users and computers to our topics, beside some to each."""
+CONSUMERS_A_TOPIC = 10
 MOST_API_CONNECTIONS = 200
 """Connections to our XML-RPC interface at the same time."""
 LARGEST_CALL_B = 1 << 16

@@ -202,7 +202,9 @@ def _apart(callback: Callback, others: Room) -> Callback:
             header = read_header(connection, settings.PATIENCE_S)
             connection = Inbound(connection, connection.caller, connection.debts, header)
             if connection.caller:
-                others.enter(connection, settings.MOST_WAITING)
+                topics = len(get_topic_manager().pubs)
+                most = settings.MOST_WAITING + settings.CONSUMERS_A_TOPIC * topics
+                others.enter(connection, most)
             callback(server, connection, address)
         except (OSError, ShsaError) as error:
             rospy.logdebug("A connection from %s is given up: %s", address, error)
