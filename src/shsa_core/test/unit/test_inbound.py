@@ -325,6 +325,15 @@ def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
         each.close()
 
 
+def test_the_master_elsewhere_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has three threads to tell nodes of publishers, and each waits for an answer."""
+    monkeypatch.setenv("ROS_MASTER_URI", "http://192.168.0.1:11311")
+    debts = inbound.Debts(inbound._master_host())
+    assert debts.owed("192.168.0.1", 1000.0) == 0.0 < debts.owed("192.168.0.2", 1000.0)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://no such host:11311")
+    assert inbound._master_host() == ""
+
+
 def test_who_has_many_addresses_clears_no_debt() -> None:
     debts = inbound.Debts()
     debts.owed("10.0.0.1", 100.0)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any, List
 
+import pytest
 import rospy
 
 from shsa_core.ros import node
@@ -50,3 +51,26 @@ def test_a_substitute_that_is_interrupted_before_rospy_heeds_it_just_ends() -> N
     finally:
         process.kill()
     assert "Traceback" not in said
+
+
+def test_a_node_that_starts_as_the_master_ends_says_so(
+    monkeypatch: Any, capfd: Any, caplog: Any
+) -> None:
+    ours = ("say_failures_once", "keep_rospys_threads", "serve_each_by_itself", "ask_in_time")
+    for name in (*ours, "ask_once_for_rosout", "LogQueue"):
+        monkeypatch.setattr(node, name, Nothing())
+    for name in ("init_node", "signal_shutdown"):
+        monkeypatch.setattr(rospy, name, Nothing())
+
+    def work() -> None:
+        raise ConnectionRefusedError(111, "Connection refused")
+
+    interval = sys.getswitchinterval()
+    try:
+        with pytest.raises(SystemExit):
+            node.run("node", work)
+    finally:
+        gc.unfreeze()
+        sys.setswitchinterval(interval)
+    assert "The master does not answer: [Errno 111] Connection refused" in caplog.text
+    assert "Traceback" not in capfd.readouterr().err

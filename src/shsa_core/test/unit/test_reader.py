@@ -88,7 +88,6 @@ def test_a_message_of_which_a_part_was_dropped_is_not_judged_by_its_values() -> 
     watched.hear(picture(1), UNJUDGED)
     whole = picture(200)
     assert watched.hear(whole[:100_000], UNJUDGED) == []
-    watched.reader.forget()
     (cut,) = watched.hear(whole[100_000:], JUDGED)
     assert (cut.values, cut.error) == (None, "")
     (message,) = watched.hear(whole, JUDGED)
@@ -98,7 +97,6 @@ def test_a_message_of_which_a_part_was_dropped_is_not_judged_by_its_values() -> 
 def test_what_is_judged_no_more_is_dropped_from_the_next_message_on() -> None:
     watched = Watched()
     watched.hear(picture(1), JUDGED)
-    watched.reader.forget()
     watched.hear(picture(2), UNJUDGED)
     watched.hear(picture(3), UNJUDGED)
     assert watched.copied == HEADER_END

@@ -79,8 +79,7 @@ class Diagnostics:
         rows += map(computer_row, self._signing.boots.seen())
         for row in rows:
             row.name = f"{rospy.get_name()[1:]}: {row.name}"
-        header = Header(stamp=rospy.Time.now())
-        publish(self._publisher, DiagnosticArray(header=header, status=rows))
+        publish(self._publisher, DiagnosticArray(Header(stamp=rospy.Time.now()), rows))
 
 
 def _row(

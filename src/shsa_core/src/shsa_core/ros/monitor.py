@@ -238,7 +238,6 @@ class MonitorNode:
         topics = list(som.topics())
         heard = set(self._subscriptions.topics)
         self._feed(events.SomChanged(clock.now(), som))
-        self._reader.forget()
         self._to_watch = deque(topic for topic in topics if topic not in heard)
         for topic in heard - set(topics):
             self._subscriptions.unsubscribe(topic)

@@ -60,6 +60,8 @@ def run(name: str, work: Callable[[], None]) -> None:
         except ShsaError as error:
             for each in error.errors if isinstance(error, ModelError) else (error,):
                 rospy.logfatal("%s", each)
+        except ConnectionError as error:
+            rospy.logfatal("The master does not answer: %s. Start it, then this.", error)
         except rospy.ROSException:
             # At shutdown rospy closes the topics under the feet of whoever publishes.
             if not rospy.core.is_shutdown_requested():

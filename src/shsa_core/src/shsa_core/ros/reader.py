@@ -1,5 +1,5 @@
 """Makes events of messages, which are read and decoded only as far as somebody checks them."""
-from typing import Dict, NamedTuple, Optional
+from typing import NamedTuple, Optional
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.samples import Parts
@@ -32,7 +32,6 @@ class Reader:
 
     def __init__(self, unjudged: Wanted = HEAD) -> None:
         self._unjudged = unjudged
-        self._needs: Dict[Connection, _Needs] = {}
 
     def event(self, arrived: Arrived, waited: float, service: Optional[Service]) -> Message:
         """Return the event that a message makes, which may have `waited` for us for so many s.
@@ -40,7 +39,7 @@ class Reader:
         What was not copied is not judged.
         """
         time, connection, data, whole, ros_time = arrived
-        needs = self._needs.get(connection)
+        needs: Optional[_Needs] = connection.needs
         if needs is None or (needs.service is not service and needs.service != service):
             needs = self._learn(connection, service)
         values, error, age, stamped = None, "", None, 0
@@ -56,21 +55,13 @@ class Reader:
         whom = (connection.topic, connection.publisher)
         return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
 
-    def forget(self) -> None:
-        """Learn anew what is needed, from whole messages: services have changed."""
-        for connection in self._needs:
-            connection.frames.wanted = ALL
-        self._needs.clear()
-
     def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
-        for ended in [known for known in self._needs if known.transport.done]:
-            del self._needs[ended]
         needs = _Needs(service)
         fields = tuple(each.field for each in checked_provisions(service)) if service else ()
         if service is not None and (fields or checks_header(service)):
             decoder = connection.decoder(service.type, fields)
             if decoder is not None:
                 needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
-        self._needs[connection] = needs
+        connection.needs = needs
         connection.frames.wanted = ALL if needs.values is not None else self._unjudged
         return needs

@@ -115,15 +115,8 @@ class ReconfiguratorNode:
         self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
         self._incidents = Incidents(arguments.incident_log, signing)
-        self._substitutions = TablePublisher(
-            names.SUBSTITUTIONS,
-            msg.Substitutions,
-            "substitutions",
-            row_key,
-            signing,
-            opened=False,
-            concerning=own_rows(prefix),
-        )
+        table = names.SUBSTITUTIONS, msg.Substitutions, "substitutions", row_key, signing
+        self._substitutions = TablePublisher(*table, opened=False, concerning=own_rows(prefix))
         self._som_state = TablePublisher(
             names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
         )
@@ -142,12 +135,9 @@ class ReconfiguratorNode:
                 events.Log: lambda command: LOG[command.level]("%s", command.text),
             },
         )
-        self._diagnostics = diagnostics.Diagnostics(
-            lambda: self._queue.put(self._report),
-            diagnostics.healing_rows,
-            signing,
-            self._companion,
-        )
+        ask = lambda: self._queue.put(self._report)
+        shown = ask, diagnostics.healing_rows, signing, self._companion
+        self._diagnostics = diagnostics.Diagnostics(*shown)
         # First of all: what runs goes on, and no substitute may take a name that was used.
         self._may_act(som)
         self._listen(som, taking_up=True)

@@ -5,8 +5,9 @@ all, so that a silent one keeps every subscriber out (`TCPROSServer`); each conn
 XML-RPC interface has a thread for good, and may send any length at any pace. Here each connection
 has a thread, a deadline and a largest size; where too many are open, the oldest of the caller goes
 that has the most; and each caller has one budget of processor time for all that it has us do: a
-user of this computer, or an address beyond; our own user and root are none. A subscriber of a topic
-that was just withdrawn is told so; rospy logs an "internal error".
+user of this computer, or an address beyond; our own user and root are none, and the master's
+address owes nothing, as it would keep all others waiting. A subscriber of a topic that was just
+withdrawn is told so; rospy logs an "internal error".
 """
 import io
 import os
@@ -17,6 +18,7 @@ from collections import Counter
 from contextlib import suppress
 from typing import Any, Callable, Dict, Optional, Tuple
 
+import rosgraph
 import rospy
 from rosgraph.network import write_ros_handshake_header
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
@@ -27,6 +29,7 @@ from rospy.impl.tcpros_pubsub import QueuedConnection, TCPROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, resolved
 from shsa_core.ros.rospy_patches.subscribing import read, read_header
 
 Speaker = Callable[[socket.socket], Optional[int]]
@@ -46,9 +49,13 @@ def charge_also(spent: float) -> None:
 
 
 class Debts:
-    """The processor time in s that callers have had beyond their share. From any thread."""
+    """The processor time in s that callers have had beyond their share. From any thread.
 
-    def __init__(self) -> None:
+    `free`: a caller who never owes anything.
+    """
+
+    def __init__(self, free: str = "") -> None:
+        self._free = free
         self._debts: Dict[str, Tuple[float, float]] = {}  # and when that was
 
     def wait(self, caller: str, at_once: bool = False) -> None:
@@ -61,6 +68,8 @@ class Debts:
 
     def owed(self, caller: str, spent: float = 0.0) -> float:
         """Return how long a caller waits that has had so much more."""
+        if caller == self._free:
+            return 0.0
         now = time.monotonic()
         debt, at = self._debts.get(caller, (0.0, now))
         debt = max(0.0, debt - settings.CALLER_SHARE * (now - at)) + spent
@@ -179,7 +188,7 @@ def serve_each_by_itself(speaker: Speaker) -> None:
 
     `speaker` returns the user at the other end; None: that is on another computer. Raises OSError.
     """
-    debts = Debts()
+    debts = Debts(_master_host())
     waiting, calls, others = (Room(debts, speaker) for _ in range(3))
     start = _apart(TCPROSServer._tcp_server_callback, others)
     TCPROSServer._tcp_server_callback = _with_room(start, waiting, "MOST_WAITING")
@@ -194,6 +203,13 @@ def serve_each_by_itself(speaker: Speaker) -> None:
     handler.do_POST = _up_to(handler.do_POST)
     ROSHandler.shutdown = _of_our_user(ROSHandler.shutdown)
     QueuedConnection.write_data = _as_paid(QueuedConnection.write_data)
+
+
+def _master_host() -> str:
+    """Return the address of the computer that the master is on; empty: it cannot be told."""
+    with suppress(*FAILURES):
+        return resolved(rosgraph.get_master_uri()).host
+    return ""
 
 
 def _apart(callback: Callback, others: Room) -> Callback:

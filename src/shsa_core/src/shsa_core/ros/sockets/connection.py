@@ -43,6 +43,7 @@ class Connection:
         self.frames = Frames()
         self.expects = 1
         """Bytes that come before the kernel wakes who waits for it; 1: each does."""
+        self.needs: Any = None  # by whoever reads its messages
         self._decodes: Optional[Tuple[str, Tuple[str, ...]]] = None
         self._decoder: Optional[Decoder] = None
 
