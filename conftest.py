@@ -1,7 +1,7 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
 Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
-wait for much of theirs. Of four or more, the one before it runs the robots that do little but wait.
+wait for much of theirs. Of four or more, the one before it runs robots that do little but wait.
 Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N failed`.
 """
 import fcntl
@@ -78,7 +78,7 @@ def gives_way(worker: str, count: int) -> bool:
 
 
 def runs_beside(worker: str, count: int) -> bool:
-    """Return whether a worker of so many, by name, runs no robots but those that wait."""
+    """Return whether a worker of so many, by name, runs nothing but robots that wait."""
     return count >= 4 and worker == f"gw{count - 2}"
 
 
@@ -154,7 +154,7 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             def may(scope: str) -> bool:
                 if last:
                     return turn(scope) == 4
-                return not beside or turn(scope) >= 3 or case(scope) in WAITING
+                return not beside or case(scope) in WAITING
 
             if self.numnodes >= 3:
                 scopes = [scope for scope in self.workqueue if may(scope)]
