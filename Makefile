@@ -38,8 +38,8 @@ build: setup
 sshd: setup
 	@tools/fetch_sshd || true
 
-# See conftest.py for their order, what stays together, and what the last two workers run.
-WORKERS = $(shell expr $(JOBS) + 2)
+# See conftest.py for their order, what stays together, and what the last worker runs.
+WORKERS = $(shell expr $(JOBS) + 1)
 
 test: build sshd
 	@$(ENV) && $(PYTHON) -m pytest -n $(WORKERS)

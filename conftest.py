@@ -1,8 +1,8 @@
 """The order of the tests: robots, and beside them what computes for long, giving way to them.
 
 Of three or more workers (`pytest -n 3`) the last one computes, in the time that robots leave: they
-wait for much of theirs. Of four or more, the one before it runs robots that do little but wait.
-Fewer workers run the robots last, beside nothing else. The run is closed with `N passed, N failed`.
+wait for much of theirs. Fewer workers run the robots last, beside nothing else. The run is closed
+with `N passed, N failed`.
 """
 import fcntl
 import os
@@ -33,11 +33,6 @@ ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_b
 """Those of them whose tests share nothing: any of them may run beside any other."""
 LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
-WAITING = (
-    *("monitor_parameters", "monitor_checks", "gateways", "alone", "sim_time", "agent"),
-    *("estimator", "steering", "serial"),
-)
-"""Those that take less than a third of a processor."""
 PRECISE = (
     *("deadline", "takeover", "heal_plain_topics", "failover"),
     *("monitor_detection", "substitute", "init"),
@@ -75,11 +70,6 @@ def precise(nodeid: str) -> bool:
 def gives_way(worker: str, count: int) -> bool:
     """Return whether a worker of so many, by name, runs in the time that the others leave."""
     return count >= 3 and worker == f"gw{count - 1}"
-
-
-def runs_beside(worker: str, count: int) -> bool:
-    """Return whether a worker of so many, by name, runs nothing but robots that wait."""
-    return count >= 4 and worker == f"gw{count - 2}"
 
 
 def case(nodeid: str) -> str:
@@ -141,23 +131,15 @@ def pytest_xdist_make_scheduler(config: Any, log: Any) -> Any:
             They begin with robots. One of them then runs those that are alone, and the other what
             is no robot: none waits for the other.
             """
-            worker = node.gateway.id, self.numnodes
-            last, beside = gives_way(*worker), runs_beside(*worker)
 
             def turn(scope: str) -> int:
                 if scope == ONE_BY_ONE:
                     return 1
-                if case(scope) in WAITING:
-                    return 0 if beside else 2
-                return 4 if computes(scope) else 3 * (module(scope) not in ROBOTS)
-
-            def may(scope: str) -> bool:
-                if last:
-                    return turn(scope) == 4
-                return not beside or case(scope) in WAITING
+                return 3 if computes(scope) else 2 * (module(scope) not in ROBOTS)
 
             if self.numnodes >= 3:
-                scopes = [scope for scope in self.workqueue if may(scope)]
+                last = gives_way(node.gateway.id, self.numnodes)
+                scopes = [scope for scope in self.workqueue if not last or turn(scope) == 3]
                 if not scopes:
                     node.shutdown()
                     return

@@ -8,6 +8,7 @@ import psutil
 import pytest
 from tools_run import run_tool
 
+from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,6 +53,7 @@ def test_what_an_earlier_run_has_left_is_no_stranger_s(start: Start) -> None:
 
 
 @HERE
+@pytest.mark.skipif(not LONG, reason="make test-long; units and trust.test try each attack's way")
 def test_short_form() -> None:
     done = run_tool(str(ROOT / "tools" / "redteam"), "--short", timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stdout
