@@ -126,6 +126,22 @@ def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: 
     assert not monitor.seen[-1].certain
 
 
+def test_a_node_that_drops_the_question_is_gone_at_once(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """As one that leaves in order: it closes its connections before it stops to listen."""
+
+    def drop(*_: object) -> None:
+        raise ConnectionResetError
+
+    monitor.connect(node)
+    monkeypatch.setattr("shsa_core.ros.sockets.reconnection.ask", drop)
+    begun = time.monotonic()
+    node.close_connections()
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert monitor.seen[-1].certain and time.monotonic() - begun < 0.5 * settings.CALL_S
+
+
 def test_a_node_that_was_cut_off_for_long_is_connected_again(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:

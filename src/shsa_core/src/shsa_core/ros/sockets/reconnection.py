@@ -168,6 +168,8 @@ def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]
         return True
     try:
         protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
+    except ConnectionError:  # who is cut off, or waits for a processor, closes nothing
+        return False
     except OSError:
         return None
     except FAILURES:
@@ -176,5 +178,4 @@ def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]
         return False
     if implementation.connects(uri):  # rospy was faster
         return True
-    done: int = get_tcpros_handler().create_transport(topic, uri, protocol)[0]
-    return done == 1 or None
+    return bool(get_tcpros_handler().create_transport(topic, uri, protocol)[0] == 1)
