@@ -7,7 +7,7 @@ from shsa_core.healing.incident import SUBSTITUTED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import PublisherHealth
-from shsa_core.model.kinds import BY_LINK, Contain, Kind, Policy
+from shsa_core.model.kinds import BY_CLOCK, BY_LINK, Contain, Kind, Policy
 from shsa_core.model.service import Service
 
 
@@ -64,7 +64,7 @@ def decide(charge: Charge) -> Verdict:
         return Verdict(False, f"{kept}: {charge.protected}")
     if charge.kind in (Kind.FRAME, Kind.LENGTH):
         return Verdict(False, f"{kept}: its settings may have been changed")
-    if charge.elsewhere and charge.kind in (Kind.STALE_STAMP, Kind.FUTURE_STAMP):
+    if charge.elsewhere and charge.kind in BY_CLOCK:
         return Verdict(False, f"{kept}: the clock of its computer may have been set")
     silent = charge.kind in MISSED
     if charge.restarted:

@@ -45,6 +45,9 @@ QUIET = (Kind.NODE_GONE, Kind.SILENT, Kind.NEVER_PUBLISHED)
 BY_LINK = (Kind.SILENT, Kind.NEVER_PUBLISHED, Kind.RATE_LOW, Kind.RATE_HIGH)
 """The failures that a bad link shows of a node on another computer that does well."""
 
+BY_CLOCK = (Kind.STALE_STAMP, Kind.FUTURE_STAMP)
+"""The failures that a clock shows that was set, on another computer, of a node that does well."""
+
 
 class Contain(Word):
     """The node of a failed service is killed, or never, where the SOM decides that."""
