@@ -35,7 +35,7 @@ LONGEST = ("healers_die", "inject", "rover", "monitor_parameters")
 """The rostests to begin with."""
 PRECISE = (
     *("deadline", "takeover", "heal_plain_topics", "failover"),
-    *("monitor_detection", "substitute", "init"),
+    *("monitor_detection", "substitute", "init", "test_cut_off"),
 )
 """Tests that judge milliseconds, by their case or file: no robot runs beside them."""
 ONE_BY_ONE = "the precise ones"
