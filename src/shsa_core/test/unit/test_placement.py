@@ -223,6 +223,8 @@ def test_a_computer_that_was_never_heard_can_be_lost() -> None:
     hosts = Computers()
     assert hosts.lose(PI, 1.0, "") and hosts.lost(PI) == "nothing is heard of it"
     assert not hosts.lose("", 1.0, "silent") and hosts.reachable("")
+    own = Computers(PI)
+    assert not own.lose(PI, 1.0, "silent") and not own.lost(""), "we are there"
     assert not hosts.reachable(BOARD) and hosts.lost(BOARD) == ""
 
 

@@ -90,6 +90,14 @@ def test_a_plan_whose_input_is_gone_is_made_anew() -> None:
     assert ready.plan(ODOM.name) is None and not ready.stale  # there is none
 
 
+def test_without_more_nodes_a_service_is_hopeless_as_well() -> None:
+    ready = table((ODOM, LEFT))
+    assert ready.hopeless(ODOM.name, [ODOM.node])
+    assert ready.hopeless(ODOM.name, [ODOM.node, "/another"])
+    assert not ready.hopeless(ODOM.name, []), "its own node may do well"
+    assert not table().hopeless(ODOM.name, [ODOM.node, "/another"])
+
+
 def test_a_service_that_comes_makes_the_plans_stale_that_it_could_improve_and_no_others() -> None:
     robot = ontology(*ROBOT.functions, law("ear", "sound", "noise"))
     sound, noise = single("sound", needed=True), single("noise")
