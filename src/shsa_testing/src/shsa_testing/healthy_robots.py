@@ -515,7 +515,7 @@ class HealthyRobot:
         if node is not None and node.up:
             same = not command.uri or command.uri == node.uri
             where = healing.Where.HERE if same else healing.Where.ANOTHER
-        elif node is not None and not node.clean:
+        elif node is not None:  # its process was learned, whatever the master says now
             where = healing.Where.DEAD
         self._answer(healing.NodeFound(self.now, name, where, starter="roslaunch"))
 
