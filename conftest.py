@@ -24,9 +24,9 @@ COMPUTING = (
 WAITS = re.compile("wait_until|timeout|monotonic|sleep|Thread|socket|chromium")
 """A word of it is in each other file in which something may wait with a deadline."""
 ROBOTS = (
-    *("test_master", "test_redteam", "test_tutorials", "test_three_computers", "test_live_page"),
-    *("test_install", "test_partition", "test_cut_off"),
+    *("test_tutorials", "test_three_computers", "test_master", "test_live_page", "test_install"),
     *("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench"),
+    *("test_cut_off", "test_partition", "test_redteam"),
 )
 """Files of tests on real processes: they judge real time. What stays together long goes first."""
 ALONE = ("test_reliability", "test_rostests", "test_rostests_of_robots", "test_bench")
