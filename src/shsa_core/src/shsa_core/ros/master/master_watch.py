@@ -135,7 +135,6 @@ class MasterWatch:
         self._topics: Set[str] = set()
         self._file = file
         self.pid, self.known = file.read()
-        self._kept: Mapping[Part, Pairs] = {}
         self._parameters: Mapping[str, Any] = {}
         self._restores: Mapping[str, Any] = {}  # once a node of the robot has answered
         self._look_at = self._keep_at = self._kept_at = 0.0
@@ -188,12 +187,10 @@ class MasterWatch:
         self._introduce(parts, now)
         if self._former is None:  # else a new master does not know them all yet
             self._seen(parts)
-        due = now >= self._keep_at
-        if due or parts != self._kept:
-            self._kept, self._kept_at = parts, now
+        if now >= self._keep_at:
             self.known = registrations.together(self._graph(parts), self.known, waiting)
             self._file.write(pid, self.known)
-        if due:
+            self._kept_at = now
             tree = self._calls.parameters()
             self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
             pause = max(settings.PATIENCE_S, _took(now))
