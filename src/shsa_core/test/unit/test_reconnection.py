@@ -142,14 +142,20 @@ def test_a_node_that_drops_the_question_is_gone_at_once(
     assert monitor.seen[-1].certain and time.monotonic() - begun < 0.5 * settings.CALL_S
 
 
-def test_a_node_that_was_cut_off_for_long_is_connected_again(
-    monitor: Monitor, node: Node, monkeypatch: Any
-) -> None:
-    """Nobody else asks: rospy does so when the master tells of a publisher, and no more."""
+def cut_off(monitor: Monitor, node: Node, monkeypatch: Any) -> None:
+    """Lose the connection to a node that does not answer; it is asked again every 0.5 s."""
     monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.5)
     monitor.connect(node)
     node.answers = False
     node.close_connections()
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+
+
+def test_a_node_that_was_cut_off_for_long_is_connected_again(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """Nobody else asks: rospy does so when the master tells of a publisher, and no more."""
+    cut_off(monitor, node, monkeypatch)
     monitor.until(lambda: node.asked > 2)
     assert monitor.kinds() == ["Interrupted", "Disconnected"]
     node.answers = True
@@ -161,11 +167,7 @@ def test_a_node_that_was_cut_off_for_long_is_connected_again(
 def test_who_dies_while_it_is_cut_off_is_gone_for_certain(
     monitor: Monitor, node: Node, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(settings, "LONGEST_PAUSE_S", 0.5)
-    monitor.connect(node)
-    node.answers = False
-    node.close_connections()
-    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    cut_off(monitor, node, monkeypatch)
     node.die()
     monitor.until(lambda: len(monitor.seen) == 3)
     assert monitor.kinds()[2] == "Disconnected" and monitor.seen[2].certain

@@ -231,7 +231,7 @@ class MasterWatch:
         asked = registrations.to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said = self._ask_all(waiting)
-        if not all(map(self._of_healing, said)):  # else it may be another robot's
+        if self._restores and not all(map(self._of_healing, said)):  # or it is another robot's
             found = registrations.missing_parameters(self._restores, self._calls.parameters())
             self._calls.set_parameters(found)
             self._restores = {}
