@@ -16,7 +16,7 @@ import plain_node
 from plain_node import PlainNode
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import FindNode, Where
-from shsa_core.ros.master.node_api import Originals
+from shsa_core.ros.master.node_api import Originals, located, pid
 from shsa_core.ros.processes import kernel, local as ending
 from shsa_core.ros.processes.nodes import Nodes, protection
 from shsa_testing.waiting import wait_until
@@ -115,6 +115,16 @@ def test_a_publisher_that_was_never_seen_well_is_asked_if_it_says_what_it_is(
     assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.HERE, "")
     assert asked(nodes) == {"left": ""}
     wait_until(lambda: not node.runs, 5.0, "it has ended")
+
+
+def test_who_has_the_address_of_a_dead_node_now_is_not_asked(nodes: Nodes, make: Make) -> None:
+    node = make()
+    register(node.uri)
+    assert nodes.learn(NAME, TOPIC) is not None
+    node.end()
+    other = make(port=node.port)
+    assert asked(nodes) == {"left": ""}
+    assert pid(located(other.uri)) == other.process.pid
 
 
 @pytest.mark.parametrize("kind", NONSENSE)

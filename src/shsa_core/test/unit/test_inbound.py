@@ -8,10 +8,12 @@ import subprocess
 import sys
 import threading
 import xmlrpc.client
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
 
 import pytest
+import rosmaster.registrations
 import rospy
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.masterslave import ROSHandler
@@ -138,7 +140,8 @@ def api(monkeypatch: pytest.MonkeyPatch) -> Iterator[Tuple[str, int]]:
     inbound.serve_each_by_itself(speaker)
     server = ThreadingXMLRPCServer(("127.0.0.1", 0), 0)
     server.register_function(lambda text: text, "echo")
-    server.register_function(lambda: ROSHandler.shutdown(None, "/somebody", "why"), "shutdown")
+    shut_down = lambda by="/somebody", why="why": ROSHandler.shutdown(None, by, why)
+    server.register_function(shut_down, "shutdown")
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield server.server_address
     server.shutdown()
@@ -236,6 +239,20 @@ def test_only_our_own_user_ends_us(api: Tuple[str, int], monkeypatch: pytest.Mon
     answer: Any = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}").shutdown()
     assert answer[0] == 1
     assert "-1, 'only its own user may end it'" in stranger(api, "shutdown").communicate()[0]
+
+
+def test_a_master_that_means_whoever_had_our_address_before_does_not_end_us(
+    api: Tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    told: List[str] = []
+    done: Any = inbound.only_if_meant(lambda *words: told.append(words[2]))
+    monkeypatch.setattr(ROSHandler, "shutdown", done)
+    for name in ("/before", rospy.get_name()):
+        with suppress(xmlrpc.client.Fault):  # None is no answer
+            tell = f"http://127.0.0.1:{api[1]}", name, "new node registered with same name"
+            rosmaster.registrations.shutdown_node_task(*tell)
+    assert told == [f"[{rospy.get_name()}] Reason: new node registered with same name"]
 
 
 def test_who_has_most_connections_loses_one(

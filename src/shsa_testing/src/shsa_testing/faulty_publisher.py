@@ -12,9 +12,11 @@ from urllib.parse import urlparse
 
 import rosgraph
 import rospy
+from rospy.impl.masterslave import ROSHandler
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
 
+from shsa_core.ros.rospy_patches.inbound import only_if_meant
 from shsa_testing.processes import end_process
 from shsa_testing.waiting import wait_until
 
@@ -62,6 +64,7 @@ class FaultyPublisher:
     """
 
     def __init__(self) -> None:
+        ROSHandler.shutdown = only_if_meant(ROSHandler.shutdown)  # by masters of robots beside
         self.topic = rospy.get_param("~topic", "/watched")
         self.period = rospy.get_param("~period", 0.02)
         self.value = rospy.get_param("~value", 1.0)

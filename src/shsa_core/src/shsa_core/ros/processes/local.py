@@ -184,13 +184,14 @@ class LocalHost:
 def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:
     """`rosnode kill` by its API; return whether the process has ended in time.
 
-    `answered` is called when the node has. Elsewhere, return whether nobody listens any more where
-    it has answered. Raises ShsaError.
+    `answered` is called when the node has; elsewhere nobody may listen there. Raises ShsaError.
     """
     known = nodes.known(node)
     if known is None:
         raise ShsaError("it is not known which process it is")
     process, uri = known.process, known.uri
+    if process is not None and not known.lives:
+        return True  # its address may be another node's by now
     try:
         uri = nodes.uri(node)
         if uri:

@@ -11,6 +11,7 @@ withdrawn is told so; rospy logs an "internal error".
 """
 import io
 import os
+import re
 import socket
 import threading
 import time
@@ -35,6 +36,7 @@ from shsa_core.ros.rospy_patches.subscribing import read, read_header
 Speaker = Callable[[socket.socket], Optional[int]]
 Callback = Callable[[Any, socket.socket, Any], None]
 EVERYBODY = "everybody"
+_MEANT = re.compile(r"\[(/[^]]*)\] Reason: new node registered with same name")
 USER = "user "
 """The begin of the name of a caller that is another user of this computer."""
 _charged = threading.local()
@@ -201,7 +203,7 @@ def serve_each_by_itself(speaker: Speaker) -> None:
     handler = SilenceableXMLRPCRequestHandler
     handler.handle_one_request = _in_turn(handler.handle_one_request)
     handler.do_POST = _up_to(handler.do_POST)
-    ROSHandler.shutdown = _of_our_user(ROSHandler.shutdown)
+    ROSHandler.shutdown = only_if_meant(ROSHandler.shutdown)
     QueuedConnection.write_data = _as_paid(QueuedConnection.write_data)
 
 
@@ -249,10 +251,8 @@ def _unless_withdrawn(handle: Callable[..., Any]) -> Callable[..., Any]:
 
 def _as_paid(write: Callable[[Any, bytes], Any]) -> Callable[[Any, bytes], Any]:
     def written(connection: Any, data: bytes) -> Any:
-        to = connection.socket
-        if not isinstance(to, Inbound):
-            return write(connection, data)
-        return to.publish(lambda: write(connection, data))
+        to, work = connection.socket, lambda: write(connection, data)
+        return to.publish(work) if isinstance(to, Inbound) else work()
 
     return written
 
@@ -279,12 +279,14 @@ def _in_turn(handle: Callable[[Any], None]) -> Callable[[Any], None]:
     return handled
 
 
-def _of_our_user(shut_down: Callable[..., Any]) -> Callable[..., Any]:
-    """Let no other user of this computer end us: `rosnode kill` works from other computers."""
+def only_if_meant(shut_down: Callable[..., Any]) -> Callable[..., Any]:
+    """End for no other user of this computer, nor in place of whoever had our address before."""
 
     def asked(handler: Any, *arguments: Any) -> Any:
-        by = getattr(_calling, "by", "")
-        if not by.startswith(USER):
+        by, meant = getattr(_calling, "by", ""), _MEANT.search(str(arguments[1:]))
+        if meant and meant.group(1) != rospy.get_name():
+            by = f"{meant.group(1)}, whose address this was"
+        elif not by.startswith(USER):
             return shut_down(handler, *arguments)
         rospy.logwarn_throttle(settings.LONGEST_PAUSE_S, f"Refused to shut down for {by}.")
         return -1, "only its own user may end it", 0
