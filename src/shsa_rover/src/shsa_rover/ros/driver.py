@@ -4,12 +4,12 @@ import sys
 import time
 
 import rospy
-from geometry_msgs.msg import Twist
 
 from shsa_core.files.regular import read_text
 from shsa_core.ros.node import run
 from shsa_rover.drive import SCRIPTED, Drive, parse_drive
 from shsa_rover.ros.parameters import flag_parameter
+from shsa_rover.ros.velocity_commands import VelocityCommands
 
 PERIOD_S = 0.05
 MAX_BYTES = 1_000_000
@@ -25,14 +25,11 @@ def load_drive(path: str, loop: bool) -> Drive:
 def serve(script: str) -> None:
     """Drives until the node shuts down, and stops the rover then."""
     drive = load_drive(script, flag_parameter("~loop", True))
-    publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1)
-    rospy.on_shutdown(lambda: publisher.publish(Twist()))
+    commands = VelocityCommands()
     rospy.loginfo("Driving a script of %g s%s.", drive.duration, ", again and again" * drive.loop)
     start = due = time.monotonic()
     while not rospy.is_shutdown():
-        command = Twist()
-        command.linear.x, command.angular.z = drive.command(time.monotonic() - start)
-        publisher.publish(command)
+        commands.give(*drive.command(time.monotonic() - start))
         due = max(due + PERIOD_S, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))
 

@@ -7,9 +7,9 @@ import time
 import tty
 
 import rospy
-from geometry_msgs.msg import Twist
 
 from shsa_core.ros.node import run
+from shsa_rover.ros.velocity_commands import VelocityCommands
 from shsa_rover.steering import HELP, Steering
 
 PERIOD_S = 0.05
@@ -20,19 +20,18 @@ def serve() -> None:
 
     Restores the terminal and stops the rover at the end.
     """
-    publisher = rospy.Publisher("cmd_vel", Twist, queue_size=1)
-    rospy.on_shutdown(lambda: publisher.publish(Twist()))
+    commands = VelocityCommands()
     keys = sys.stdin.fileno()
     before = termios.tcgetattr(keys)
     print(HELP, flush=True)
     try:
         tty.setcbreak(keys)
-        steer(publisher, keys)
+        steer(commands, keys)
     finally:
         termios.tcsetattr(keys, termios.TCSADRAIN, before)
 
 
-def steer(publisher: rospy.Publisher, keys: int) -> None:
+def steer(commands: VelocityCommands, keys: int) -> None:
     """Reads keys from the file descriptor `keys` until q, end of file or shutdown."""
     steering = Steering()
     due = time.monotonic()
@@ -44,9 +43,7 @@ def steer(publisher: rospy.Publisher, keys: int) -> None:
                 return
             continue
         due = time.monotonic() + PERIOD_S
-        command = Twist()
-        command.linear.x, command.angular.z = steering.velocity, steering.turn_rate
-        publisher.publish(command)
+        commands.give(steering.velocity, steering.turn_rate)
 
 
 def main() -> None:
