@@ -17,11 +17,11 @@ from shsa_msgs.msg import Failure, Health, PublisherHealth
 
 from shsa_core.model.checks import REGISTRY
 from shsa_core.model.samples import OF_VALUE
-from shsa_core.ros.messages.tables import TableCopy
 from shsa_core.ros.wire.healing import health_row_key
 from shsa_testing.faulty_publisher import FaultyNode
 from shsa_testing.graph import is_connected
 from shsa_testing.processes import end_process, rosrun
+from shsa_testing.table_copy import TableCopy
 from shsa_testing.waiting import wait_until
 
 PERIOD_S = 0.02

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Dict, List
 
 import pytest
+from rospkg import RosPack
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
@@ -40,8 +41,8 @@ def looked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     rosrun.chmod(0o755)
     monkeypatch.setenv("PATH", f"{bin_folder}:{os.environ['PATH']}")
     monkeypatch.setenv("SHSA_FOUND", str(tmp_path / "found"))
-    monkeypatch.setattr(starting, "find_node", lambda _, name: [str(script)])
-    monkeypatch.setattr(starting, "get_pkg_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(starting, "find_node", lambda *_: [str(script)])
+    monkeypatch.setattr(RosPack, "get_path", lambda *_: str(tmp_path))
     return tmp_path / "found"
 
 

@@ -459,7 +459,7 @@ def test_who_was_never_learned_and_is_protected_is_ended_only_by_name(
     register(node.uri)
     monkeypatch.setattr("shsa_core.ros.processes.nodes._is_required", lambda name, process: True)
     found = nodes.find(FindNode(NAME, True, TOPIC))
-    assert found == (Where.ANOTHER, 'its launch file says required="true"')
+    assert found == (Where.PROTECTED, 'its launch file says required="true"')
     assert nodes.find(FindNode(NAME, True, TOPIC, spares=False)).where is Where.HERE
     assert nodes.learn(NAME, TOPIC) is not None
     assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.HERE, "that was decided before"

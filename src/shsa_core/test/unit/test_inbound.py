@@ -272,6 +272,29 @@ def test_who_has_most_connections_loses_one(
     flood.communicate()
 
 
+def connected() -> Tuple[socket.socket, socket.socket]:
+    """Return both ends of a connection."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        theirs = socket.create_connection(server.getsockname())
+        return server.accept()[0], theirs
+
+
+def test_who_has_left_by_now_takes_no_place() -> None:
+    """rospy would drop the connection that a subscriber made since, as its second one."""
+    debts, served = inbound.Debts(), []  # type: Any, List[object]
+    start = inbound._apart(lambda *_: served.append(_[1]), inbound.Room(debts, speaker))
+    for leaves in (True, False):
+        ours, theirs = connected()
+        theirs.sendall(WHOLE)
+        if leaves:
+            theirs.close()
+        inbound_ = inbound.Inbound(ours, "", debts)
+        start(None, inbound_, "")
+        wait_until(lambda: inbound_.fileno() < 0, 5.0, "it was given up, or handed on")
+    assert len(served) == 1
+    theirs.close()
+
+
 def test_each_of_many_topics_has_room_for_consumers_elsewhere(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -283,7 +306,7 @@ def test_each_of_many_topics_has_room_for_consumers_elsewhere(
     start = inbound._apart(lambda *_: served.append(_), inbound.Room(debts, speaker))
     ends = []
     for number in range(6):
-        ours, theirs = socket.socketpair()
+        ours, theirs = connected()
         ends.append(theirs)
         theirs.sendall(WHOLE)
         start(None, inbound.Inbound(ours, "192.168.0.7", debts), "")

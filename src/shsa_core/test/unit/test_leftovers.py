@@ -9,6 +9,7 @@ from typing import Callable, Iterator, List
 
 import psutil
 import pytest
+from rospkg import RosPack
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import starting
@@ -24,8 +25,8 @@ def ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package with our executables, each of which only sleeps."""
     for name in ("substitute", "standby", "monitor"):
         (tmp_path / name).write_text("import time\nprint(flush=True)\ntime.sleep(60.0)\n")
-    monkeypatch.setattr(starting, "find_node", lambda _, name: [str(tmp_path / name)])
-    monkeypatch.setattr(starting, "get_pkg_dir", lambda _: str(tmp_path))
+    monkeypatch.setattr(starting, "find_node", lambda _, name, packages: [str(tmp_path / name)])
+    monkeypatch.setattr(RosPack, "get_path", lambda *_: str(tmp_path))
     return tmp_path
 
 

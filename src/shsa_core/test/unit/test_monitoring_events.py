@@ -34,7 +34,7 @@ def test_an_event_driven_service_has_no_silence_to_wait_for() -> None:
     bench = Bench(EVENT_DRIVEN)
     bench.connect()
     bench.send(Disconnected(bench.now, TOPIC, NODE, certain=False))
-    assert bench.kinds() == [(NODE, "node_gone")]
+    assert bench.kinds() == [(NODE, "silent")], "that it is gone is not certain"
     bench.connect()
     assert bench.state() == "healthy"
 

@@ -6,6 +6,7 @@ from typing import Any, Dict, List, Optional, Set
 import pytest
 
 from shsa_core.derivations.agreement import _agree as agree
+from shsa_core.model.calibration import CalibrationRow, CalibrationsChanged
 from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.health import PublisherHealth
@@ -48,6 +49,7 @@ class Robot:
         self.true = {"power": 120.0, "voltage": 12.0, "current": 10.0, "draw": 5.0}
         self.failures: List[PublisherHealth] = []
         self.told: List[str] = []
+        self.calibrated: List[CalibrationRow] = []
         self.hear(SomChanged(self.now, Som(services)))
         for each in services:
             self.hear(Connected(self.now, each.topic, each.node))
@@ -55,6 +57,8 @@ class Robot:
     def hear(self, event: Any) -> None:
         said = self.core.handle(event)
         self.failures += failures_in(said)
+        changed = (each for each in said if isinstance(each, CalibrationsChanged))
+        self.calibrated += [row for each in changed for row in each.rows]
         self.told += [each.text for each in said if isinstance(each, Log)]
 
     def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
@@ -132,6 +136,27 @@ def test_two_nodes_of_one_topic_are_two_witnesses(ontology: Ontology) -> None:
     robot.run(60.0)
     robot.run(20.0, current=16.0)
     assert robot.kinds() == {"current": "witness"}
+
+
+def test_of_two_twins_one_calibrates_the_program_that_both_have(ontology: Ontology) -> None:
+    """Substitutes know a calibration by its program."""
+    twin = replace(service("draw"), name="twin", node="/twin_node")
+    robot = Robot(ontology, service("current"), service("draw"), twin)
+    robot.true["twin"] = 6.0
+    robot.run(120.0)
+    rows = [row.calibrations[0] for row in robot.calibrated if row.service == "current"]
+    gains = [each.gain for each in rows if each.error]
+    assert gains and max(gains) - min(gains) < 0.05
+
+
+def test_what_was_learned_outlives_a_change_of_an_inputs_numbers(ontology: Ontology) -> None:
+    robot = Robot(ontology, service("current"), service("draw"))
+    robot.run(30.0)
+    plans = robot.core._judgement._derivations.plans
+    before = plans("current")
+    robot.hear(SomChanged(robot.now, Som([service("current"), replace(service("draw"), cost=2)])))
+    robot.run(30.0)
+    assert before and plans("current") == before
 
 
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:

@@ -109,8 +109,36 @@ def test_who_cannot_be_started_again_is_not_ended_for_that(kind: str) -> None:
 def test_who_has_died_and_was_never_learned_is_told_to_be_started_again_in_vain() -> None:
     robot = Robot(som("restart"), learned=False, restart_pause=1.0)
     robot.fail("/a", A, 10.0)
-    robot.killed(10.1, A)
+    robot.handle(events.NodeFound(10.1, A, events.Where.DEAD))
     assert has(robot.handle(events.Tick(11.2)), events.RestartNode)
+
+
+def test_who_closed_a_connection_is_not_ended_where_nobody_can_start_it() -> None:
+    robot = Robot(som("restart"), learned=False)
+    robot.fail("/a", A, 10.0)
+    assert not has(robot.handle(events.NodeFound(10.1, A, events.Where.HERE)), events.AskToLeave)
+
+
+def test_who_is_found_to_be_protected_is_kept_and_nobody_speaks_beside_it() -> None:
+    robot = Robot(learned=False)
+    robot.fail("/a", A, 10.0, "out_of_range")
+    why = "its process is a nodelet manager"
+    robot.handle(events.NodeFound(10.1, A, events.Where.PROTECTED, why))
+    incident = last_incident(robot.said)
+    assert (incident.state, incident.decision) == ("kept", f"{A} is kept: {why}")
+
+
+def test_who_only_trickles_is_ended_as_silent() -> None:
+    robot = Robot(som("restart"))
+    robot.failure("/a", A, 10.0, "silent", "no message for 5 s.", 5.0)
+    found: List[float] = []
+    for time in map(float, range(11, 30)):
+        row = PublisherHealth("/a", A, PublisherState.FAILED, 10.0, 0.0, time, Kind.SILENT)
+        robot.rows["/a", A] = row
+        robot.table(time)
+        if has(robot.handle(events.Tick(time)), events.FindNode):
+            found.append(time)
+    assert found and found[0] < 20.0
 
 
 def test_a_node_that_speaks_again_is_not_ended_as_silent() -> None:

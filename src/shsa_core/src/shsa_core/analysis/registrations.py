@@ -4,7 +4,8 @@ Nothing is made up: what is registered again is what the master said itself, and
 it said it of says still. A node that has registered anew meanwhile is left as it is.
 """
 import re
-from typing import Any, Collection, Dict, FrozenSet, List, Mapping, NamedTuple, Set, Tuple
+from typing import Any, Collection, Dict, FrozenSet, Iterable, Iterator, List, Mapping
+from typing import NamedTuple, Set, Tuple
 
 from shsa_core.model.kinds import Word
 
@@ -120,6 +121,23 @@ def to_register(known: Graph, now: Graph, said: Mapping[str, Said]) -> List[Regi
                 found.append(Registration(Part.SERVICE, node, name, where, asked[node]))
     order = list(Part)
     return sorted(found, key=lambda each: (order.index(each.part), each[1:]))
+
+
+def to_tell(
+    new: Iterable[Tuple[Registration, Any]], known: Graph, now: Graph, settled: Set[str]
+) -> Iterator[Tuple[List[str], str, List[str]]]:
+    """Yield subscribers that publishers were there before, by URI: the topic, its publishers.
+
+    `new`: registrations, and what the master has answered to each. `settled`: nodes of which all is
+    registered that was; roscpp drops those publishers that it is not told of.
+    """
+    offered = {topic for topic, _ in now.parts[Part.PUBLISHER]}
+    awaited = known.nodes.keys() - settled
+    for each, uris in new:
+        if each.part is Part.SUBSCRIBER and each.name in offered and isinstance(uris, list):
+            pairs = known.parts[Part.PUBLISHER]
+            later = {known.nodes[n] for topic, n in pairs if topic == each.name and n in awaited}
+            yield [each.uri], each.name, sorted(later.union(uris))
 
 
 def missing_parameters(

@@ -177,7 +177,8 @@ class Calibrations:
             for each in followed.outputs
             if self._calibrates(each.source) and not each.integrates
         ]
-        if followed.substitutes or enough or rate > settings.EVALUATIONS_HZ or not told:
+        known = any(each.key == followed.key for each in now)  # or its twin, of another node
+        if known or enough or rate > settings.EVALUATIONS_HZ or not told:
             return
         for output in told:
             output.calibrate()

@@ -107,7 +107,7 @@ def _line(path: str, raw: bytes, place: int) -> str:
 
 def written_by_others(path: str) -> str:
     """Return why somebody but us and root can change or replace a file; empty: nobody can."""
-    for place in _places(os.path.join(os.getcwd(), path)):
+    for place in _places(path if path.startswith("/") else os.path.join(os.getcwd(), path)):
         try:
             why = _reason(place)
         except OSError as error:

@@ -27,6 +27,7 @@ class Where(Word):
     NOWHERE = "nowhere"
     UNKNOWN = "unknown"  # it cannot be verified which process it is
     ANOTHER = "another"  # it is not the one that failed
+    PROTECTED = "protected"  # it is ended only where the SOM says so
     UNREACHABLE = "unreachable"  # its computer was lost
 
 

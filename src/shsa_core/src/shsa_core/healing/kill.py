@@ -224,7 +224,9 @@ class Kills:
             return self._over(kill.begun, node, True, "it is not registered")
         if where is Where.DEAD:
             return [*self._over(kill.begun, node, True, "it had died"), events.ClearNode(node)]
-        if where is Where.ANOTHER:
+        if where is Where.PROTECTED:
+            self._health.protected[node] = event.detail
+        if where in (Where.ANOTHER, Where.PROTECTED):
             why = event.detail or "it is not the one that failed"
             other = Outcome.SPARED if order.if_dead or order.at_once else Outcome.ANOTHER
             return self._end(time, node, other, why)

@@ -28,6 +28,8 @@ from shsa_core.planning.settings import CERTAIN_S
 
 
 UNTRIED = Trust()
+REPRIEVES = 3
+"""A node that speaks again recovers while it has two."""
 
 
 @dataclass
@@ -45,6 +47,7 @@ class Accusation:
     excuse: str = ""
     gated: bool = False
     back: bool = False  # it publishes again
+    reprieves: int = 0  # from being killed as silent, since it spoke
 
     @property
     def kept(self) -> bool:
@@ -140,7 +143,7 @@ class Nodes:
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
-        restarted &= gone or node in self._health.startable
+        restarted &= node in self._health.startable
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -208,17 +211,18 @@ class Nodes:
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is None or accusation.back or accusation.kept:
                 continue
-            if accusation.silent and self._speaks(service, node):
+            if accusation.silent and self._speaks(service, accusation):
+                accusation.reprieves += 1
                 self.kills.wait(node, service.period or 0.0)
             else:
                 order = self._order(service, accusation)
                 said += self.kills.order(replace(order, urgent=True, only_here=False))
         return said
 
-    def _speaks(self, service: Service, node: str) -> bool:
-        """Tell that a node was heard so lately that it may not be silent any more."""
-        row = self._health.row((service.topic, node))
-        if row is None or row.last_good is None:
+    def _speaks(self, service: Service, accused: Accusation) -> bool:
+        """Tell that a node was heard so lately that it may not be silent any more, or trickles."""
+        row = self._health.row((service.topic, accused.node))
+        if row is None or row.last_good is None or accused.reprieves >= REPRIEVES:
             return False
         patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
         return row.last_good > max(row.since, self._robot.time - patience)
@@ -247,9 +251,10 @@ class Nodes:
             return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
+        protected = kill.detail and kill.detail == self._health.protected.get(node)
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
-            each.fate = Fate.NONE
+            each.fate = Fate.OPEN if protected else Fate.NONE
         if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
             return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:

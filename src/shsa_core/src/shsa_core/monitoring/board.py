@@ -130,6 +130,11 @@ class Board:
         """Tell if the table of substitutions names a publisher, or did until now."""
         return publisher.retired or self.substitution(publisher) is not None
 
+    def is_replaced(self, topic: WatchedTopic) -> bool:
+        """Tell if a substitute publishes on a topic."""
+        there = map(self.substitution, topic.publishers.values())
+        return any(publishes(row, topic.name) for row in there)
+
     def is_named(self, publisher: Publisher) -> bool:
         """Tell if the SOM or the table of substitutions names a publisher, or did until now."""
         return publisher.name in publisher.topic.nodes or self.is_substitute(publisher)

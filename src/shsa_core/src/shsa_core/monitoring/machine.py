@@ -183,14 +183,16 @@ class Monitor:
             return  # its silence tells
         topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
         publisher.connected = publisher.retired = False
-        detail = "its connection was lost: the node died or left"
+        kind, detail = Kind.NODE_GONE, "its connection was lost: the node died or left"
+        if not event.certain:
+            kind, detail = Kind.SILENT, "its connection was lost, and it does not answer"
         formerly = not watched.came and publisher.name == watched.formerly[0]
         was_well = publisher.state is HEALTHY or formerly
         if publisher.state is FAILED:
-            publisher.kind, publisher.detail = Kind.NODE_GONE, detail
+            publisher.kind, publisher.detail = kind, detail
             board.touch(publisher)
         elif was_well and watched.service.name and not may_stop:
-            board.fail(publisher, Kind.NODE_GONE, detail)
+            board.fail(publisher, kind, detail)
         else:
             board.drop(publisher)
         board.forget_gone(topic)

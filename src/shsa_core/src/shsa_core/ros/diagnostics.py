@@ -69,7 +69,10 @@ class Diagnostics:
             rospy.rostime.wallsleep(settings.LOOK_S)
             self._ask()
             with suppress(queue.Empty):  # who was asked could not show anything
-                guarded("Diagnostics", self._publish, self._given.get(timeout=settings.ANSWER_S))
+                given = self._given.get(timeout=settings.ANSWER_S)
+                while not self._given.empty():  # who was slow has answered more than once
+                    given = self._given.get()
+                guarded("Diagnostics", self._publish, given)
 
     def _publish(self, given: Any) -> None:
         rows = self._rows(given)

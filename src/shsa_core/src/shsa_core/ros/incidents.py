@@ -44,15 +44,15 @@ class Incidents:
         self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, greeter)
 
     def show(self, incident: Incident) -> None:
-        """Publish a step of an incident."""
+        """Publish a step of an incident; one that has ended is logged before."""
+        if incident.state is State.ENDED:
+            self._log(incident)
         with self._changed:  # whoever subscribes now hears the newest step last
             self._open[incident.service] = incident
             if incident.state is State.ENDED:
                 del self._open[incident.service]
             self._changed.notify_all()
             self._publisher.publish(wire.incident(incident))
-        if incident.state is State.ENDED:
-            self._log(incident)
 
     def _tell_open(self, _: str, tell: Tell) -> None:
         with self._changed:

@@ -8,7 +8,6 @@ import sys
 from typing import Dict, Iterator, List, Set, Tuple
 from xml.etree import ElementTree
 
-from roslib.packages import find_resource
 from rospkg import ResourceNotFound
 
 from shsa_core.text import nearest
@@ -28,6 +27,10 @@ def unknown(command: List[str]) -> List[Tuple[str, List[str]]]:
     start = next((at for at, name in enumerate(names, 1) if name in _PROGRAMS), None)
     words = command[start:] if start else []
     given = {found[1]: found[2] for found in map(_ARGUMENT.match, words) if found}
+    if not given:
+        return []
+    from roslib.packages import find_resource  # it takes longer than all else
+
     plain = [word for word in words if ":=" not in word and not word.startswith("-")]
     files = [word for word in plain if os.path.isfile(word)]
     for package, name in zip(plain, plain[1:]):

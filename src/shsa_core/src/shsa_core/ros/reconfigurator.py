@@ -93,6 +93,7 @@ class ReconfiguratorNode:
         self._followed = followed
         prefix = self._core.names.prefix
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
+        self._spins, self._stopped = False, threading.Event()
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         self._master = MasterWatch(
             lambda node: node.startswith(prefix),
@@ -112,7 +113,6 @@ class ReconfiguratorNode:
         self._local = LocalHost(self._put, signs, how)
         host_of = self._core.robot.host_of
         self._hosts = AllHosts(self._local.carry_out, signing, self._put, host_of, arguments.host)
-        self._spins, self._stopped = False, threading.Event()
         rospy.core.add_preshutdown_hook(self._stop_elsewhere)
         self._incidents = Incidents(arguments.incident_log, signing)
         table = names.SUBSTITUTIONS, msg.Substitutions, "substitutions", row_key, signing
@@ -279,7 +279,12 @@ class ReconfiguratorNode:
         rospy.logwarn("%s: %s has ended: %s.", service, words[0], detail)
 
     def _see_graph(self, registered: Parts) -> None:
-        """Tell the core who subscribes to services, and what else their nodes do."""
+        """Tell the core who subscribes to services, and what else their nodes do.
+
+        Not before it was told what was taken over, which may be older.
+        """
+        if not self._spins:
+            return
         som, names = self._core.robot.som, self._core.names
         parts = [registered[each] for each in (Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE)]
         now = [

@@ -14,7 +14,7 @@ from shsa_core.model.names import full_name
 from shsa_core.model.service import Deadlines, Service
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import row_key
-from shsa_core.ros.messages.tables import TableCopy
+from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.wire import names
 from shsa_injection.errors import Refused
 from shsa_injection.findings import Told
@@ -65,19 +65,20 @@ class Observer:
         place = partial(full_name, namespace=namespace)
         rospy.Subscriber(place(names.INCIDENTS), Incident, self._incident)
         rospy.Subscriber(place(names.FAILURES), Failure, self._failure)
-        self._table = TableCopy(
-            place(names.SUBSTITUTIONS),
-            Substitutions,
-            "substitutions",
-            row_key,
-        )
+        self._listed: Dict[str, str] = {}  # the nodes of the table of substitutions
+        TableSubscriber(place(names.SUBSTITUTIONS), Substitutions, self._substitutions)
+
+    def _substitutions(self, change: Substitutions) -> None:
+        listed = {} if change.whole else dict(self._listed)
+        listed.update({row_key(row): row.node for row in change.substitutions})
+        self._listed = {key: listed[key] for key in listed if key not in change.removed}
 
     def seen(self, nodes: bool = True) -> Seen:
         """Look at the system; without `nodes`, not at what costs a call to every node."""
         with self._lock:
             heard = {topic: list(each) for topic, each in self._heard.items()}
             cases = list(self._cases.values())
-        listed = frozenset(row.node for row in self._table.rows.values() if row.node)
+        listed = frozenset(filter(None, self._listed.values()))
         return Seen(
             now=time.monotonic(),
             heard=heard,

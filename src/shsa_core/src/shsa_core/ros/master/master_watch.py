@@ -221,7 +221,8 @@ class MasterWatch:
         does = does if self.acts else "Healing advises, and only looks."
         rospy.logwarn_throttle(10.0, f"The master was started anew. {does}")
         if self.acts:
-            self._restores, self._former, self._anew_at = self._parameters, self.known, now
+            self._restores = self._restores or self._parameters
+            self._former, self._anew_at = self.known, now
             self._settled = set()
 
     def _register_again(self, parts: Parts, now: float) -> Collection[str]:
@@ -230,7 +231,8 @@ class MasterWatch:
         present = self._graph(parts)
         asked = registrations.to_ask(self._former, present)
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
-        said = self._ask_all(waiting)
+        said, gone = self._ask_all(waiting)
+        settled = self._settled.union(said, gone)
         if self._restores and not all(map(self._of_healing, said)):  # or it is another robot's
             found = registrations.missing_parameters(self._restores, self._calls.parameters())
             self._calls.set_parameters(found)
@@ -238,44 +240,32 @@ class MasterWatch:
         missing = registrations.to_register(self._former, present, said)
         if missing:
             answers = self._calls.register(missing)
-            self._tell_subscribers(zip(missing, answers), present, said)
+            new = zip(missing, answers)
+            for told in registrations.to_tell(new, self._former, present, settled):
+                tell(*told)
             nodes = len({each.node for each in missing})
             text = "The master was told again of %d registrations of %d nodes."
             rospy.loginfo(text, len(missing), nodes)
-        left = set(waiting) - self._settled
+        self._settled = settled  # now that all was told
+        left = set(waiting) - settled
         if now > self._anew_at + settings.LONGEST_PAUSE_S or not left:
             self._former = None
         return left
 
-    def _tell_subscribers(
-        self, answers: Iterable[Tuple[Registration, Any]], present: Graph, said: Collection[str]
-    ) -> None:
-        """Tell subscribers of those who have registered with the new master before them."""
-        former = self._former or present
-        known = {topic for topic, _ in present.parts[Part.PUBLISHER]}
-        # And of those who are to be registered yet: roscpp drops all that it is not told of.
-        awaited = former.nodes.keys() - self._settled.union(said)
-        for new, uris in answers:
-            if new.part is Part.SUBSCRIBER and new.name in known and isinstance(uris, list):
-                pairs = former.parts[Part.PUBLISHER]
-                later = {
-                    former.nodes[n] for topic, n in pairs if topic == new.name and n in awaited
-                }
-                tell([new.uri], new.name, sorted(later.union(uris)))
-
-    def _ask_all(self, nodes: Mapping[str, str]) -> Dict[str, Said]:
-        """Return what nodes that answer soon say of themselves; one that has gone is settled."""
+    def _ask_all(self, nodes: Mapping[str, str]) -> Tuple[Dict[str, Said], Set[str]]:
+        """Return what nodes that answer soon say of themselves, and those that have gone."""
         asked = {self._nodes.submit(_said, uri): node for node, uri in nodes.items()}
         told: Dict[str, Said] = {}
+        gone: Set[str] = set()
         for answer in wait(asked, settings.CALL_S).done:  # who answers later is asked again
             node, error = asked[answer], answer.exception()
             if error is None:
                 told[node] = answer.result()
-            elif not isinstance(error, ConnectionRefusedError):
+            elif isinstance(error, ConnectionRefusedError):
+                gone.add(node)
+            else:
                 rospy.logdebug("%s does not say what it had registered: %s", node, error)
-                continue
-            self._settled.add(node)
-        return told
+        return told, gone
 
 
 def _said(uri: str) -> Said:

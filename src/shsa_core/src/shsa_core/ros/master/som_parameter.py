@@ -26,9 +26,10 @@ MOST_SAID = 20
 FAILS = (*FAILURES, rospy.ROSException)
 
 
-def put_som(som: Som) -> None:
-    """Put `som` onto the parameter server."""
+def put_som(som: Som) -> bool:
+    """Put `som` onto the parameter server; return true once it is there."""
     rospy.set_param(PARAMETER, som_file.som_parameters(som))
+    return True
 
 
 def get_som_parameter() -> Optional[object]:
@@ -153,7 +154,8 @@ class SomWatch:
             _, errors = som_file.merge_parameters(self._som, value, self._name)
             why = str(errors[0]) if errors else f"{self._name}: there is no service in it"
             rospy.logerr("Refused: %s. The previous SOM stays, and is put back.", why)
-        _ask(lambda: put_som(self._som))
+        if not _ask(lambda: put_som(self._som)):
+            self._seen = ""  # it is to be tried again
 
 
 def _contents(value: object) -> str:

@@ -128,7 +128,8 @@ class LocalHost:
         self.restarts.learn(node, process)
         sharing = self.nodes.sharing(process) | {node}
         for each in sharing:
-            why, starts = protection(each, process, sharing - {each}), self.restarts.knows(each)
+            why = protection(each, process, sharing - {each})
+            starts = self._may_restart and self.restarts.knows(each)
             self._tell(events.NodeLearned(clock.now(), each, True, why, starts))
 
     def _came_up(self, node: str, process: psutil.Process) -> None:

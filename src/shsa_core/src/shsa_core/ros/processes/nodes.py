@@ -181,7 +181,7 @@ class Nodes:
         if asked.spares and known.process is not None and not known.learned:
             why = protection(node, known.process, self.sharing(known.process) - {node})
             if why:
-                return Found(Where.ANOTHER, why)
+                return Found(Where.PROTECTED, why)
         return Found(self._put(node, known).where)
 
     def _put(self, node: str, known: Known) -> Known:

@@ -86,7 +86,7 @@ class Restarts:
 
     def knows(self, node: str) -> bool:
         """Return whether a node could be started again."""
-        return node in self._starts
+        return node in self._starts and bool(self._starts[node].words)
 
     def _started_again(self, node: str) -> Optional[psutil.Process]:
         """Return the process of ours that a node's starter has started with the same command."""

@@ -14,7 +14,8 @@ from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import psutil
 import rospy
-from roslib.packages import find_node, get_pkg_dir
+from roslib.packages import find_node
+from rospkg import RosPack
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import StartSubstitute
@@ -77,10 +78,11 @@ class Substitutes:
         self._setup = setup
         self._slots: Dict[str, int] = {}
         self.children = Children(self._over)
-        found = {name: _find(name) for name in ("substitute", "standby")}
+        packages = RosPack()
+        found = {name: _find(name, packages) for name in ("substitute", "standby")}
         self._files = {os.path.realpath(path) for paths in found.values() for path in paths}
         self._paths = {name: each[0] for name, each in found.items()}
-        folder, limits = get_pkg_dir(PACKAGE), wrapper(setup.sandbox)
+        folder, limits = packages.get_path(PACKAGE), wrapper(setup.sandbox)
         # As paths in the package: rosrun takes twice as long where it has to look for a name.
         self._rosrun = {
             name: [*limits, "rosrun", PACKAGE, os.path.relpath(path, folder)]
@@ -95,7 +97,7 @@ class Substitutes:
         }
         self.forking: Optional[Forking] = None
         if setup.forks and not setup.sandbox:
-            run = self._rosrun["substitute"]
+            run = [*limits, self._paths["substitute"]]
             self.forking = Forking(run, self._variables, setup.types, setup.ready)
 
     def start(self, command: StartSubstitute) -> None:
@@ -163,9 +165,9 @@ def _lowered(name: str) -> int:
     return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
 
 
-def _find(executable: str) -> Sequence[str]:
+def _find(executable: str, packages: RosPack) -> Sequence[str]:
     """Return the paths of an executable of this package. Raises ShsaError if it is not built."""
-    found: Sequence[str] = find_node(PACKAGE, executable)
+    found: Sequence[str] = find_node(PACKAGE, executable, packages)
     if not found:
         raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
     return found

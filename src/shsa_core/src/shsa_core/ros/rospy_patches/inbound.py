@@ -36,6 +36,7 @@ from shsa_core.ros.rospy_patches.subscribing import read, read_header
 Speaker = Callable[[socket.socket], Optional[int]]
 Callback = Callable[[Any, socket.socket, Any], None]
 EVERYBODY = "everybody"
+ESTABLISHED = b"\1"
 _MEANT = re.compile(r"\[(/[^]]*)\] Reason: new node registered with same name")
 USER = "user "
 """The begin of the name of a caller that is another user of this computer."""
@@ -218,6 +219,8 @@ def _apart(callback: Callback, others: Room) -> Callback:
     def serve(server: Any, connection: Inbound, address: Any) -> None:
         try:
             header = read_header(connection, settings.PATIENCE_S)
+            if connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1) != ESTABLISHED:
+                raise OSError("it has left")  # rospy would drop its next one, which came before
             connection = Inbound(connection, connection.caller, connection.debts, header)
             if connection.caller:
                 topics = len(get_topic_manager().pubs)
