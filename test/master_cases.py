@@ -43,7 +43,8 @@ rospy.spin()
 def robot() -> Iterator[Robot]:
     with running(ORDINARY) as made:
         yield made
-    wait_until(lambda: not left(made), 20.0, "all that was started has ended")
+    psutil.wait_procs(left(made), 20.0)
+    assert not left(made), "all that was started has ended"
 
 
 def left(robot: Robot) -> List[psutil.Process]:

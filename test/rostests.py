@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import psutil
 
-from shsa_testing.processes import marked
+from shsa_testing.processes import marked, own_address
 from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
@@ -45,6 +45,8 @@ def check(path: Path) -> None:
     package = str(ElementTree.parse(str(path.parents[2] / "package.xml")).findtext("name"))
     mark = uuid.uuid4().hex
     environment = {**os.environ, MARK: mark, "PYTHONFAULTHANDLER": "1"}
+    environment["PATH"] = f"{ROOT / 'test' / 'programs'}:{os.environ['PATH']}"
+    environment["ROS_IP"] = own_address()
     # A file, not a pipe: that is at its end only when the last one who writes to it has ended.
     with tempfile.TemporaryFile("w+", errors="replace") as said:
         done = subprocess.Popen(

@@ -4,3 +4,6 @@ if [ -f /opt/ros/noetic/setup.bash ]; then source /opt/ros/noetic/setup.bash; fi
 if [ -f "$workspace/devel/setup.bash" ]; then source "$workspace/devel/setup.bash"; fi
 # ROS is for the system's python3; another one may come first on PATH.
 export PATH="/usr/bin:$PATH:$workspace/build/hosts"
+# rospy looks through all packages for it at each start.
+logging="${ROS_ETC_DIR:-/etc/ros}/python_logging.conf"
+if [ -f "$logging" ]; then export ROS_PYTHON_LOG_CONFIG_FILE="${ROS_PYTHON_LOG_CONFIG_FILE:-$logging}"; fi

@@ -47,7 +47,8 @@ class PlainRobot(unittest.TestCase):
 
     def setUp(self) -> None:
         for node in TOPICS:
-            if node_process(node) is None:
+            ours = self.processes.get(node, [])
+            if node_process(node) is None and all(each.poll() is not None for each in ours):
                 self.start(node)
         self.robot.await_available(*self.records, seconds=40.0)
         wait_until(lambda: not self.robot.substitutions, 10.0, "peace")

@@ -9,6 +9,7 @@ import roslaunch
 
 from shsa_rover.conductor import command
 from shsa_testing.launches import loaded
+from shsa_testing.thorough import LONG
 
 LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 DRIVERS = {"amperemeter", "imu", "drivetrain", "voltmeter"}
@@ -128,7 +129,9 @@ def test_what_is_neither_true_nor_false_is_refused(name: str) -> None:
 @pytest.mark.parametrize("more", [(), ("healing:=false",)])
 def test_an_argument_that_no_file_takes_is_refused(more: Sequence[str]) -> None:
     command = ["roslaunch", "--nodes", "shsa_rover", "rover.launch", *more]
-    assert subprocess.run([*command, "method:=orr", "view_port:=1"], stdout=DEVNULL).returncode == 0
+    if LONG or not more:
+        taken = [*command, "method:=orr", "view_port:=1"]
+        assert subprocess.run(taken, stdout=DEVNULL).returncode == 0
     refused = subprocess.run([*command, "methd:=orr"], stdout=DEVNULL, stderr=PIPE)
     assert b"did you mean method?" in refused.stderr and refused.returncode
 

@@ -10,10 +10,10 @@ import roslaunch
 def loaded(file: Path, *arguments: str) -> roslaunch.ROSLaunchConfig:
     """Return what `roslaunch FILE ARGUMENTS` would start.
 
-    Nobody looks for arguments that the file does not take: that is a process for each file.
+    Nobody asks for the version of ROS: that is two processes for each file.
     """
     with tempfile.TemporaryDirectory() as folder:
-        os.symlink("/bin/true", os.path.join(folder, "rosrun"))
+        os.symlink("/bin/true", os.path.join(folder, "rosversion"))
         with patch.dict(os.environ, {"PATH": f"{folder}:{os.environ['PATH']}"}):
             return roslaunch.config.load_config_default(
                 [(str(file), list(arguments))], None, assign_machines=False

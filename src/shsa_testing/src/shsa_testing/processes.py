@@ -1,6 +1,8 @@
 """Processes that a test starts: found by the mark that they inherit, and ended with it."""
 import atexit
+import random
 import subprocess
+from functools import lru_cache
 from typing import Any, List
 
 import psutil
@@ -27,9 +29,18 @@ def marked(name: str, value: str) -> List[psutil.Process]:
     return [each for each in psutil.process_iter() if has_mark(each) and running(each)]
 
 
+@lru_cache(maxsize=None)
 def program(package: str, executable: str) -> str:
     """Return the path of a node, as rosrun finds it, and in less time."""
     return str(find_node(package, executable)[0])
+
+
+def own_address() -> str:
+    """Return an address of this computer for a robot of its own.
+
+    A master calls nodes that have died: the kernel gives their ports to others, if at that address.
+    """
+    return ".".join(["127", *(str(random.randint(1, 254)) for _ in range(3))])
 
 
 def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[bytes]":
