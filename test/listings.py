@@ -16,7 +16,7 @@ from typing import Dict, Iterator, List, NamedTuple
 
 import psutil
 
-from shsa_testing.processes import marked, own_address
+from shsa_testing.processes import marked
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -184,9 +184,8 @@ def new_reader(folder: Path) -> Iterator[Reader]:
     mark = uuid.uuid4().hex
     with socket.socket() as probe:
         probe.bind(("", 0))
-        port = probe.getsockname()[1]
-    settings = {_MARK: mark, "ROS_IP": own_address(), "ROS_LOG_DIR": str(folder / "log")}
-    settings["ROS_MASTER_URI"] = f"http://{settings['ROS_IP']}:{port}"
+        master = f"http://localhost:{probe.getsockname()[1]}"
+    settings = {_MARK: mark, "ROS_MASTER_URI": master, "ROS_LOG_DIR": str(folder / "log")}
     settings["PYTHONUNBUFFERED"] = "1"  # a terminal shows each line at once, and a file does not
     try:
         yield Reader(folder, {**os.environ, **settings})
