@@ -8,6 +8,7 @@ from shsa_msgs.msg import Float64Stamped
 from shsa_testing.faulty_publisher import FaultyNode
 from shsa_testing.graph import node_process
 from shsa_testing.healing import HealedRobot, TopicRecord
+from shsa_testing.waiting import wait_until
 
 FILLED_IN = 10  # messages; on a busy machine the original may be late, and is filled in for
 FRAME = "body"
@@ -46,13 +47,18 @@ class FaultyRobot(unittest.TestCase):
             for topic, incident in ((t, self.robot.latest(t)) for t in self.topics)
             if incident is not None
         }
-        ours = {each.name for each in self.processes if each.process.poll() is None}
         for node in self.nodes:
-            if node not in ours and node_process(node) is None:
+            wait_until(lambda: node_process(node) or not self.runs(node), 20.0, "it is up, or gone")
+            if node_process(node) is None:
                 self.start(node)
         self.robot.await_available(*self.topics, seconds=40.0)
         publish = {each.name for each in self.processes}
         self.robot.await_verified(*publish.intersection(self.nodes))
+
+    def runs(self, node: str) -> bool:
+        """Return true if a process runs that was started as a node: it may be coming up."""
+        ours = (each.process for each in self.processes if each.name == node)
+        return any(each.poll() is None for each in ours)
 
     def start(self, node: str) -> None:
         """Start a node as a person would."""

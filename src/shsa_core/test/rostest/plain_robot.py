@@ -48,7 +48,9 @@ class PlainRobot(unittest.TestCase):
     def setUp(self) -> None:
         for node in TOPICS:
             ours = self.processes.get(node, [])
-            if node_process(node) is None and all(each.poll() is not None for each in ours):
+            ended = lambda: all(each.poll() is not None for each in ours)
+            wait_until(lambda: node_process(node) or ended(), 20.0, "it is up, or gone")
+            if node_process(node) is None:
                 self.start(node)
         self.robot.await_available(*self.records, seconds=40.0)
         wait_until(lambda: not self.robot.substitutions, 10.0, "peace")

@@ -13,7 +13,6 @@ from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
 
 import pytest
-import rosmaster.registrations
 import rospy
 from rosgraph.xmlrpc import SilenceableXMLRPCRequestHandler, ThreadingXMLRPCServer
 from rospy.impl.masterslave import ROSHandler
@@ -248,10 +247,10 @@ def test_a_master_that_means_whoever_had_our_address_before_does_not_end_us(
     told: List[str] = []
     done: Any = inbound.only_if_meant(lambda *words: told.append(words[2]))
     monkeypatch.setattr(ROSHandler, "shutdown", done)
+    proxy = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}")
     for name in ("/before", rospy.get_name()):
         with suppress(xmlrpc.client.Fault):  # None is no answer
-            tell = f"http://127.0.0.1:{api[1]}", name, "new node registered with same name"
-            rosmaster.registrations.shutdown_node_task(*tell)
+            proxy.shutdown("/master", f"[{name}] Reason: new node registered with same name")
     assert told == [f"[{rospy.get_name()}] Reason: new node registered with same name"]
 
 

@@ -25,7 +25,8 @@ class FedState:
         with self._lock:
             for name, value in changes.items():
                 if name == "services":
-                    self.whole["services"] = {**self.whole["services"], **value}
+                    services = {**self.whole["services"], **value}
+                    self.whole["services"] = {k: row for k, row in services.items() if row}
                 elif name == "incidents":
                     keys = {each["key"] for each in value}
                     kept = [each for each in self.whole[name] if each["key"] not in keys]
