@@ -189,6 +189,7 @@ def running(before: List[str]) -> Iterator[Robot]:
     if before:
         os.chown(folder, NOBODY, -1)
     environment = dict(os.environ)
+    os.environ.pop("ROS_HOSTNAME", None)
     os.environ["ROS_IP"] = address
     os.environ["ROS_MASTER_URI"] = f"http://{address}:{port}"
     made = Robot(port, folder, before)

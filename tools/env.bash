@@ -6,4 +6,4 @@ if [ -f "$workspace/devel/setup.bash" ]; then source "$workspace/devel/setup.bas
 export PATH="/usr/bin:$PATH:$workspace/build/hosts"
 # rospy looks through all packages for it at each start.
 logging="${ROS_ETC_DIR:-/etc/ros}/python_logging.conf"
-if [ -f "$logging" ]; then export ROS_PYTHON_LOG_CONFIG_FILE="${ROS_PYTHON_LOG_CONFIG_FILE:-$logging}"; fi
+if [ -f "$logging" ] && [ ! -d "${ROS_HOME:-$HOME/.ros}/config" ]; then export ROS_PYTHON_LOG_CONFIG_FILE="${ROS_PYTHON_LOG_CONFIG_FILE:-$logging}"; fi

@@ -48,6 +48,21 @@ def test_two_services_on_one_topic_are_silent_by_their_own_deadlines() -> None:
     assert told(bench) == ["arm /arm_driver silent", "wheels /wheel_driver silent"]
 
 
+def test_whoever_never_had_its_rate_is_not_blamed_beside_a_substitute_of_another() -> None:
+    bench = two_drivers()
+    for service_, expected in (("arm", []), ("wheels", ["wheels /wheel_driver rate_low"])):
+        name = f"/substitute_{service_}"
+        bench.connect(name, "/joint_states")
+        rows = (row(name, True, "/joint_states", service=service_),)
+        bench.send(SubstitutionsChanged(bench.now, rows))
+        for _ in range(60):
+            bench.wait(0.3)
+            bench.message(1.0, "/wheel_driver", "/joint_states")
+            bench.message(1.0, name, "/joint_states")
+        low = [text for text in told(bench) if "wheel_driver" in text]
+        assert low == expected
+
+
 def test_a_service_that_never_came_up_is_missed_beside_another_one_on_its_topic() -> None:
     bench = two_drivers()
     bench.stream(800, "/arm_driver", topic="/joint_states")

@@ -154,9 +154,11 @@ def test_what_was_learned_outlives_a_change_of_an_inputs_numbers(ontology: Ontol
     robot.run(30.0)
     plans = robot.core._judgement._derivations.plans
     before = plans("current")
-    robot.hear(SomChanged(robot.now, Som([service("current"), replace(service("draw"), cost=2)])))
+    slower = replace(service("draw"), period=0.025)
+    robot.hear(SomChanged(robot.now, Som([service("current"), slower])))
     robot.run(30.0)
     assert before and plans("current") == before
+    assert plans("current")[0].plan.inputs[0].service == slower, "by the numbers of now"
 
 
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:

@@ -184,6 +184,7 @@ def test_a_kill_that_was_not_over_waits_for_the_monitors_word() -> None:
     start = only(robot.fail("/a", A, 10.0, "out_of_range"), events.StartSubstitute)
     commands = succeed(robot, 10.5, (start.node,))
     assert not has(commands, events.FindNode) and publishing(robot) == (False,)
+    assert not has(robot.idle(10.55), events.FindNode)
     state, kind = PublisherState.FAILED, Kind.OUT_OF_RANGE
     row = PublisherHealth("/a", A, state, 10.0, kind=kind, detail="as told")
     commands = robot.handle(events.HealthSeen(10.6, (row,)))

@@ -75,7 +75,7 @@ class Calibrations:
     def tick(self, time: float) -> List[Said]:
         """Look at what was learned, and search a plan."""
         refreshed = self._derivations.refreshed()
-        told = [each for each in refreshed if each.substitutes and self._fusions.tells(each)]
+        told = [each for each in refreshed if self._speaks_for(each) and self._fusions.tells(each)]
         said: List[Said] = [log for each in told for log in self._kept_back(each)]
         rows = {each.key: _row(each) for each in told if _has_moved(each)}
         if rows:
@@ -90,6 +90,12 @@ class Calibrations:
             self._search_at = time + settings.SEARCH_S
             said += self._search(self._wanted.popleft())
         return said
+
+    def _speaks_for(self, followed: FollowedPlan) -> bool:
+        """Tell if a plan is the first of those that have its program, and read other nodes."""
+        plans = self._derivations.plans(followed.plan.service)
+        same = (each for each in plans if each.substitutes and each.key == followed.key)
+        return next(same, None) is followed
 
     def _fuse(self, time: float) -> List[Said]:
         """Look at what is fused of one service that is there, one after the other."""
@@ -177,8 +183,7 @@ class Calibrations:
             for each in followed.outputs
             if self._calibrates(each.source) and not each.integrates
         ]
-        known = any(each.key == followed.key for each in now)  # or its twin, of another node
-        if known or enough or rate > settings.EVALUATIONS_HZ or not told:
+        if followed.substitutes or enough or rate > settings.EVALUATIONS_HZ or not told:
             return
         for output in told:
             output.calibrate()

@@ -215,10 +215,13 @@ class Derivations:
 
     def made(self, plan: Plan) -> FollowedPlan:
         """Return what evaluates a plan: what is there already, or new. Raises ShsaError."""
-        reads = [source.service.name for source in plan.inputs]
+        reads = [(source.service.name, source.node) for source in plan.inputs]
         for each in self._services[plan.service].plans:
-            same = [source.service.name for source in each.plan.inputs] == reads
+            same = [(source.service.name, source.node) for source in each.plan.inputs] == reads
             if same and each.plan.program == plan.program:  # the same may read other nodes
+                each.plan = plan  # by the numbers of now
+                for output, stated in zip(each.outputs, plan.errors):
+                    output.stated = stated
                 return each
         gap = longest_gap(plan.outputs[0].service.period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)

@@ -41,6 +41,8 @@ class Identities:
         """Forget which process a node is: what comes up under its name is another one."""
         if self._tries.pop(node, None) is not None:
             self.agenda.set(node, None)
+        else:  # nobody will learn it anew
+            self._health.protected.pop(node, None)
 
     def due(self, time: float) -> List[Command]:
         """Return the looks that are due."""

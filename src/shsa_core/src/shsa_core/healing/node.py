@@ -254,7 +254,7 @@ class Nodes:
         protected = kill.detail and kill.detail == self._health.protected.get(node)
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
-            each.fate = Fate.OPEN if protected else Fate.NONE
+            each.fate = Fate.KEPT if protected else Fate.NONE
         if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
             return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:
@@ -363,7 +363,8 @@ class Nodes:
         case = self._cases[node]
         case.failing = False
         if service in case.accusations:
-            case.accusations[service].back = True
+            accusation = case.accusations[service]
+            accusation.back, accusation.reprieves = True, 0
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             due = self._robot.time + self._settings.restart_timeout

@@ -17,7 +17,6 @@ from shsa_core.healing.incident import SUBSTITUTED, WAITING, WELL, State, Trigge
 from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
-from shsa_core.healing.records import Fate
 from shsa_core.healing.robot import Robot
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
@@ -332,8 +331,8 @@ class ServiceMachine:
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
         waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)
-        judged = self.accusation.fate in (Fate.KEPT, Fate.OPEN) and state is not State.RETURNING
-        return self.fire(Trigger.REPLAN) if well or waits or judged else []
+        kept = self.accusation.kept and state is not State.RETURNING
+        return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
     def outgrown(self) -> List[Command]:
         """Change the plan of a substitute that errs too much, or clearly more than another."""

@@ -130,10 +130,11 @@ class Board:
         """Tell if the table of substitutions names a publisher, or did until now."""
         return publisher.retired or self.substitution(publisher) is not None
 
-    def is_replaced(self, topic: WatchedTopic) -> bool:
-        """Tell if a substitute publishes on a topic."""
-        there = map(self.substitution, topic.publishers.values())
-        return any(publishes(row, topic.name) for row in there)
+    def is_replaced(self, publisher: Publisher) -> bool:
+        """Tell if a substitute publishes in place of the node of a service."""
+        topic, name = publisher.topic, publisher.service.name
+        rows = map(self.substitution, topic.publishers.values())
+        return any(publishes(row, topic.name) and row.service == name for row in rows if row)
 
     def is_named(self, publisher: Publisher) -> bool:
         """Tell if the SOM or the table of substitutions names a publisher, or did until now."""
@@ -275,7 +276,7 @@ def _never_good(publisher: Publisher, kind: Kind) -> bool:
     if kind in (Kind.RATE_LOW, Kind.RATE_HIGH):
         return not publisher.evidence.rate_was_good
     if kind is Kind.SILENT:
-        return not publisher.steady
+        return not (publisher.steady or publisher.service.event_driven)
     return kind in BY_VALUE and publisher.last_good is None
 
 

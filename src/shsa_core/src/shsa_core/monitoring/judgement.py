@@ -153,9 +153,8 @@ class Judgement:
             if not publisher.is_healthy:
                 return None
             case = self._around.slow(LATE[failure.kind], publisher)
-            blamed = self._board.is_replaced(publisher.topic)  # if only by a former monitor
-            substitute = self._board.is_substitute(publisher)
-            case = replace(case, paced=substitute or blamed or evidence.rate_was_good)
+            blamed = self._board.is_replaced(publisher)  # if only by a former monitor
+            case = replace(case, paced=blamed or evidence.rate_was_good)
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)

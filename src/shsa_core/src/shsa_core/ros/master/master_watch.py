@@ -249,7 +249,7 @@ class MasterWatch:
         self._settled = settled  # now that all was told
         left = set(waiting) - settled
         if now > self._anew_at + settings.LONGEST_PAUSE_S or not left:
-            self._former = None
+            self._former, self._restores = None, {}
         return left
 
     def _ask_all(self, nodes: Mapping[str, str]) -> Tuple[Dict[str, Said], Set[str]]:
