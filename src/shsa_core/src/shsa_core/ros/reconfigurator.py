@@ -95,6 +95,7 @@ class ReconfiguratorNode:
         self._listed: List[Dict[str, Tuple[str, ...]]] = [{}, {}]
         self._spins, self._stopped = False, threading.Event()
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
+        self._is_monitored = False
         self._master = MasterWatch(
             lambda node: node.startswith(prefix),
             lambda node: self._core.names.of_healing(node, False),
@@ -301,7 +302,9 @@ class ReconfiguratorNode:
             self._queue.put(self._tell_healed)
 
     def _tell_healed(self) -> None:
-        """Say what is healed, once subscribers are known, and again when that is more."""
+        """Say what is healed, once it is watched and needed, and again when that is more."""
+        if not self._is_monitored:
+            return
         topics = [service.topic for service in self._core.needed()]
         if self._healed is None or not self._healed.issuperset(topics):
             does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
@@ -376,6 +379,7 @@ class ReconfiguratorNode:
             self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
+        self._is_monitored = True
         self._heard(names.HEALTH, lambda: wire.health_seen(message, host))
 
     def _calibrated(self, message: msg.Calibrations) -> None:
