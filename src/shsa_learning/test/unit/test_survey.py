@@ -43,6 +43,12 @@ def test_a_regular_stream_is_regular(period: float) -> None:
     assert rhythm_of(times(period, 20.0, jitter=0.2)) == ""
 
 
+def test_one_short_pause_of_the_computer_leaves_a_period() -> None:
+    moments = times(0.02, 20.0)
+    pause = lambda at: 10.2 if 10.0 < at < 10.2 else at  # what came meanwhile comes at its end
+    assert rhythm_of([pause(at) for at in moments]) == ""
+
+
 def test_events_at_random_are_event_driven() -> None:
     draw = random.Random(1)
     moments = [sum(draw.expovariate(10.0) for _ in range(1)) for _ in range(200)]

@@ -5,10 +5,12 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Deque, Optional, Tuple
 
+from shsa_core.monitoring.settings import RATE_MESSAGES, RATE_SECONDS
+
 KEPT = 512
 """Values of which percentiles are taken: evenly spread over all that came."""
-WINDOW = 20
-"""Messages over which the monitor takes a rate."""
+MOST_KEPT = 20_000
+"""Moments that are kept to take a rate, however many come in a second."""
 
 
 class Sample:
@@ -110,8 +112,8 @@ class Rhythm:
     """The rhythm of messages; times in s, None where there are too few to tell.
 
     `period`: the median interval; `jitter`: 95 % of the intervals are no further from it;
-    `longest`: the longest pause, also before the end; `slowest`, `fastest`: rates over WINDOW
-    messages, of the one that `period` gives.
+    `longest`: the longest pause, also before the end; `slowest`, `fastest`: rates over as
+    many messages as the monitor takes, of the one that `period` gives.
     """
 
     count: int
@@ -127,10 +129,10 @@ class RhythmTally:
 
     def __init__(self) -> None:
         self._intervals = Sample()
-        self._last: Deque[float] = deque(maxlen=WINDOW + 1)
+        self._last: Deque[float] = deque(maxlen=MOST_KEPT)
         self._count = 0
         self._longest = 0.0
-        self._shortest_window, self._longest_window = math.inf, 0.0
+        self._slowest, self._fastest = math.inf, 0.0  # messages/s
         self._first: Optional[float] = None
 
     def add(self, time: float) -> None:
@@ -145,10 +147,12 @@ class RhythmTally:
         self._intervals.add(interval)
         self._longest = max(self._longest, interval)
         self._last.append(time)
-        if len(self._last) == WINDOW + 1:
-            window = time - self._last[0]
-            self._shortest_window = min(self._shortest_window, window)
-            self._longest_window = max(self._longest_window, window)
+        while len(self._last) > RATE_MESSAGES + 1 and time - self._last[1] >= RATE_SECONDS:
+            self._last.popleft()
+        window = time - self._last[0]
+        if len(self._last) > RATE_MESSAGES and window >= RATE_SECONDS:
+            rate = (len(self._last) - 1) / window
+            self._slowest, self._fastest = min(self._slowest, rate), max(self._fastest, rate)
 
     def result(self, end: float) -> Rhythm:
         """Return the rhythm until `end`."""
@@ -159,16 +163,15 @@ class RhythmTally:
         if period <= 0.0:
             return Rhythm(self._count, None, None, longest, None, None)
         low, high = self._intervals.quantiles(0.025, 0.975)
-        count, windows = WINDOW, (self._shortest_window, self._longest_window)
-        if self._count <= WINDOW:
-            count = self._count - 1
-            windows = (self._last[-1] - self._first,) * 2
-        usual = count * period
+        rates = self._slowest, self._fastest
+        if not self._fastest:  # too few came
+            passed = self._last[-1] - self._first
+            rates = ((self._count - 1) / passed if passed else 0.0,) * 2
         return Rhythm(
             count=self._count,
             period=period,
             jitter=max(high - period, period - low),
             longest=longest,
-            slowest=usual / windows[1] if windows[1] > 0.0 else None,
-            fastest=usual / windows[0] if windows[0] > 0.0 else None,
+            slowest=rates[0] * period if rates[0] else None,
+            fastest=rates[1] * period if rates[1] else None,
         )
