@@ -87,6 +87,8 @@ class Installed:
         clean = environment()
         paths = [*map(str, others), clean.get("CMAKE_PREFIX_PATH", "")]
         clean["CMAKE_PREFIX_PATH"] = ":".join(filter(None, paths))
+        if not LONG:  # `make build` has made the messages of the others
+            clean["ROS_LANG_DISABLE"] = "gencpp:genlisp"
         configure = ["cmake", "-S", str(source), "-B", str(build), "-DCATKIN_ENABLE_TESTING=OFF"]
         configure += ["-DPYTHON_EXECUTABLE=/usr/bin/python3", f"-DCMAKE_INSTALL_PREFIX={prefix}"]
         for command in (configure, ["make", "-C", str(build), "-j2", "install"]):

@@ -23,6 +23,7 @@ class FaultyRobot(unittest.TestCase):
 
     nodes: Dict[str, Tuple[str, float]] = {}
     topics: Tuple[str, ...] = ()
+    period = 0.02
     robot: HealedRobot
     records: Dict[str, TopicRecord]
     processes: List[FaultyNode]
@@ -63,7 +64,8 @@ class FaultyRobot(unittest.TestCase):
     def start(self, node: str) -> None:
         """Start a node as a person would."""
         topic, value = self.nodes[node]
-        self.processes.append(FaultyNode(node, topic, value=value, frame=FRAME))
+        how = {"value": value, "frame": FRAME, "period": self.period}
+        self.processes.append(FaultyNode(node, topic, **how))
 
     def healed(self, topic: str, node: str) -> str:
         """Wait until the substitute publishes."""

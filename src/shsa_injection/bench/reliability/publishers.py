@@ -22,9 +22,7 @@ def crash(rig: Rig, rng: random.Random) -> Figures:
     failed = rig.kill("/first")
     rig.await_healed("/a", failed)
     wait_until(lambda: "/first" not in publishers("/a"), 5.0, "its registration is gone")
-    outage = rig.outage("/a", failed)
-    rig.bring_back("/first")
-    return {"outage": outage}
+    return {"outage": rig.outage("/a", failed), **rig.returns_well("/a", "/first")}
 
 
 def hang(rig: Rig, rng: random.Random) -> Figures:
@@ -147,7 +145,11 @@ LINES = (
         crashes,
         full=200,
         short=2,
-        marks=(Mark("outage", 30.0, "ms"),),
+        marks=(
+            Mark("outage", 30.0, "ms"),
+            Mark("hole of a return", 40.0, "ms"),
+            Mark("overlap of a return", 20.0, "ms"),
+        ),
     ),
     Line(
         2,

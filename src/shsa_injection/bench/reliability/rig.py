@@ -104,6 +104,18 @@ class Rig:
         self.start(node)
         self.await_well()
 
+    def returns_well(self, topic: str, node: str) -> Dict[str, float]:
+        """Start a node that has ended again; return what consumers hear of its return, in ms."""
+        begun = time.monotonic()
+        self.start(node)
+        wait_until(lambda: self._heard(topic, node, begun), PATIENCE_S, f"{node} is heard")
+        wait_until(lambda: not self.open(), PATIENCE_S, "no incident is open")
+        over = time.monotonic()
+        wait_until(lambda: len(self.messages(topic, over)) > 10, PATIENCE_S, "it goes on")
+        figures = self.outage(topic, begun), self.overlap(topic, begun)
+        self.await_well()
+        return dict(zip(("hole of a return", "overlap of a return"), figures))
+
     # What is seen
 
     def await_well(self) -> None:
