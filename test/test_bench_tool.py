@@ -12,8 +12,19 @@ def test_short_form(name: str, tmp_path: Path) -> None:
     check(name, tmp_path)
 
 
-def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
+def measured(results: Path) -> "subprocess.CompletedProcess[str]":
+    """Run a measurement beside what was measured before."""
     script = ROOT / "src" / "shsa_core" / "bench" / "transfer_nodes.py"
+    return subprocess.run(
+        [sys.executable, str(script), "--short", "--results", str(results)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
+        timeout=TIMEOUT_S,
+    )
+
+
+def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
     measures = (*TRANSFER, "warm", "hot")
     lines = [
         "measure,nodes,repetition,time_ms",
@@ -21,27 +32,16 @@ def test_a_measurement_goes_on_where_it_was(tmp_path: Path) -> None:
     ]
     path = tmp_path / "transfer_nodes.csv"
     path.write_text("\n".join(lines) + "\n")
-    done = subprocess.run(
-        [sys.executable, str(script), "--short", "--results", str(tmp_path)],
-        stdout=subprocess.PIPE,
-        universal_newlines=True,
-        timeout=TIMEOUT_S,
-    )
+    done = measured(tmp_path)
     assert done.returncode == 0
     assert "6 repetitions are there already" in done.stdout
     assert path.read_text().splitlines() == lines
 
 
 def test_a_measurement_by_other_definitions_is_not_gone_on_with(tmp_path: Path) -> None:
-    script = ROOT / "src" / "shsa_core" / "bench" / "transfer_nodes.py"
     path = tmp_path / "transfer_nodes.csv"
     path.write_text("measure,nodes,repetition,ms\nstart,0,1,600\n")
-    done = subprocess.run(
-        [sys.executable, str(script), "--short", "--results", str(tmp_path)],
-        stderr=subprocess.PIPE,
-        universal_newlines=True,
-        timeout=TIMEOUT_S,
-    )
+    done = measured(tmp_path)
     assert done.returncode == 1
     assert f"{path} holds other measures; --fresh begins anew." in done.stderr
     assert path.read_text().endswith("start,0,1,600\n")

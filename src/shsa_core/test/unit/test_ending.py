@@ -117,16 +117,6 @@ def test_a_publisher_that_was_never_seen_well_is_asked_if_it_says_what_it_is(
     wait_until(lambda: not node.runs, 5.0, "it has ended")
 
 
-def test_who_has_the_address_of_a_dead_node_now_is_not_asked(nodes: Nodes, make: Make) -> None:
-    node = make()
-    register(node.uri)
-    assert nodes.learn(NAME, TOPIC) is not None
-    node.end()
-    other = make(port=node.port)
-    assert asked(nodes) == {"left": ""}
-    assert pid(located(other.uri)) == other.process.pid
-
-
 @pytest.mark.parametrize("kind", NONSENSE)
 def test_a_node_that_answers_nonsense_is_ended_all_the_same(
     nodes: Nodes, make: Make, kind: str
@@ -291,6 +281,8 @@ def test_an_address_that_somebody_else_has_by_now_is_not_called(nodes: Nodes, ma
     assert nodes.learn(NAME, TOPIC) is not None
     node.end()
     innocent = make(port=node.port)
+    assert asked(nodes) == {"left": ""}
+    assert pid(located(innocent.uri)) == innocent.process.pid, "it was not asked"
     assert nodes.find(FindNode(NAME, True, TOPIC)) == (Where.DEAD, "")
     assert "left" in ended(nodes) and innocent.runs
 

@@ -33,7 +33,7 @@ from shsa_core.model.checks import (
     UnknownPublisher,
 )
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChanged
+from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import checked_provisions, checks_header
 
 OF_VALUES = ("not_a_number", "out_of_range", "stuck", "jump")
@@ -77,29 +77,6 @@ def test_too_slow() -> None:
     assert bench.kinds() == [(NODE, "rate_low")]
     bench.stream(100)
     assert bench.state() == "healthy"
-
-
-def test_who_was_too_slow_for_a_former_monitor_is_so_for_the_next() -> None:
-    """A rate that was never good is no failure, but of whom a substitute replaces."""
-    bench = Bench(only(rate_low=0.5))
-    bench.connect()
-    bench.connect("/substitute_1")
-    bench.substitutes(("/substitute_1", True))
-    for _ in range(120):
-        bench.wait(PERIOD / 0.4)
-        bench.message()
-        bench.message(node="/substitute_1")
-    assert (NODE, "rate_low") in bench.kinds()
-
-
-def test_who_is_too_slow_and_then_cut_off_may_not_be_gone() -> None:
-    bench = bench_with(rate_low=0.5)
-    bench.stream(100)
-    bench.stream(200, period=PERIOD / 0.4)
-    bench.send(Disconnected(bench.now, TOPIC, NODE, certain=False))
-    assert str(bench.rows[TOPIC, NODE].kind) == "silent"
-    bench.disconnect()
-    assert str(bench.rows[TOPIC, NODE].kind) == "node_gone"
 
 
 def test_a_burst_after_a_short_gap_is_not_too_fast() -> None:

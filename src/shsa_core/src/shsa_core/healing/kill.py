@@ -47,6 +47,7 @@ class Outcome(Word):
     UNSURE = "may still be running"  # it could not be reached to make sure
     SPARED = "is spared"  # it was to be cleared if it is dead
     ANOTHER = "is left alone"  # it is not the one that failed
+    PROTECTED = "is kept"  # it is ended only where the SOM says so
     UNREACHED = "may still run"  # its computer was lost
     WELL = "is not killed"  # it may do well, as its own computer tells
 
@@ -224,12 +225,12 @@ class Kills:
             return self._over(kill.begun, node, True, "it is not registered")
         if where is Where.DEAD:
             return [*self._over(kill.begun, node, True, "it had died"), events.ClearNode(node)]
-        if where is Where.PROTECTED:
-            self._health.protected[node] = event.detail
         if where in (Where.ANOTHER, Where.PROTECTED):
-            why = event.detail or "it is not the one that failed"
-            other = Outcome.SPARED if order.if_dead or order.at_once else Outcome.ANOTHER
-            return self._end(time, node, other, why)
+            why, left = event.detail or "it is not the one that failed", Outcome.ANOTHER
+            if where is Where.PROTECTED:
+                self._health.protected[node], left = why, Outcome.PROTECTED
+            spared = order.if_dead or order.at_once
+            return self._end(time, node, Outcome.SPARED if spared else left, why)
         if order.if_dead:
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:

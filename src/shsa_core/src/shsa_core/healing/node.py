@@ -251,10 +251,10 @@ class Nodes:
             return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
-        protected = kill.detail and kill.detail == self._health.protected.get(node)
+        fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
-            each.fate = Fate.KEPT if protected else Fate.NONE
+            each.fate = fate
         if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
             return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:

@@ -213,7 +213,7 @@ class ServiceMachine:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:
             return self.step()
-        over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER)
+        over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
         return commands + self.replan() + self.changed() if over else commands
