@@ -32,6 +32,7 @@ relations:
   b_of_c: {b: {function: c, quality: 0.8}}
 """
 VALUES = {"/first": 1.0, "/second": 2.0, "/third": 2.0, "/fourth": 4.0}
+FRAME = "base_link"
 
 
 class Rig:
@@ -42,6 +43,8 @@ class Rig:
         self.healing = graph.healing
         self.nodes: Dict[str, "subprocess.Popen[str]"] = {}
         self._settings = settings
+        self.both_heard = 0.0
+        """The longest time that two publishers of one topic were heard in the last trial, in ms."""
 
     def __enter__(self) -> "Rig":
         self.consumers = Consumers(self.graph, "/a", "/b")
@@ -76,7 +79,7 @@ class Rig:
     def start(self, node: str) -> None:
         """Start a node, in the place of the one that was."""
         arguments = talker(node, NODES[node], VALUES[node], PERIOD_S)
-        self.nodes[node] = self.graph.python(FAULTY_PUBLISHER, *arguments)
+        self.nodes[node] = self.graph.python(FAULTY_PUBLISHER, *arguments, f"_frame:={FRAME}")
 
     def kill(self, node: str) -> float:
         """`kill -9`; when that was, monotonic, in s."""
@@ -104,17 +107,17 @@ class Rig:
         self.start(node)
         self.await_well()
 
-    def returns_well(self, topic: str, node: str) -> Dict[str, float]:
-        """Start a node that has ended again; return what consumers hear of its return, in ms."""
+    def returns_well(self, topic: str, node: str) -> float:
+        """Start a node that has ended again; return the longest pause at its return, in ms."""
         begun = time.monotonic()
         self.start(node)
         wait_until(lambda: self._heard(topic, node, begun), PATIENCE_S, f"{node} is heard")
         wait_until(lambda: not self.open(), PATIENCE_S, "no incident is open")
         over = time.monotonic()
         wait_until(lambda: len(self.messages(topic, over)) > 10, PATIENCE_S, "it goes on")
-        figures = self.outage(topic, begun), self.overlap(topic, begun)
+        pause = self.outage(topic, begun)
         self.await_well()
-        return dict(zip(("hole of a return", "overlap of a return"), figures))
+        return pause
 
     # What is seen
 
@@ -125,8 +128,11 @@ class Rig:
         for node in ("/first", "/second"):
             self.consumers.await_node(node, time.monotonic())
         wait_until(self._standby_ready, PATIENCE_S, "what stands by is connected")
+        self.both_heard = max(self.overlap(topic, 0.0) for topic in ("/a", "/b"))
         for consumer in self.consumers:
+            heard = list(consumer.messages)
             consumer.forget()
+            _look_at(heard, consumer.node)
 
     def open(self) -> List[Incident]:
         """Return the incidents that have not ended."""
@@ -203,6 +209,15 @@ class Rig:
             return len({each.node for each in self.messages(topic, since)}) == 1
 
         wait_until(one, seconds, f"one publisher of {topic}")
+
+
+def _look_at(heard: Sequence[Heard], consumer: str) -> None:
+    """Assert that a consumer got neither a message without its frame nor a stale one."""
+    boot = time.time() - time.monotonic()
+    unframed = [each for each in heard if each.frame != FRAME]
+    stale = [each for each in heard if each.at + boot - each.stamp > DEADLINE_S]
+    assert not unframed, f"{consumer} heard {len(unframed)} without a frame, one is {unframed[0]}"
+    assert not stale, f"{consumer} heard {len(stale)} stale ones, one is {stale[0]}"
 
 
 @contextmanager

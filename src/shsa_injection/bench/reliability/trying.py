@@ -29,7 +29,8 @@ def each(
                 seed = left.pop(0)
                 trial = attempt(line, seed, lambda: deed(rig, random.Random(seed)))
                 if trial.held:
-                    yield trial
+                    figures = {**trial.figures, "both heard": rig.both_heard}
+                    yield replace(trial, figures=figures)
                     continue
                 told = [f"{each.topic} {each.state}: {each.detail}" for each in rig.open()]
                 words = "\n".join([trial.why, *told, graph.last_words()])
