@@ -209,6 +209,17 @@ def test_a_node_that_publishes_two_lost_topics_is_started_once() -> None:
     assert only(commands, events.RestartNode).node == A
 
 
+def test_a_node_that_may_be_silent_is_not_ended_because_a_link_was_cut() -> None:
+    first, *others = som("restart").services.values()
+    robot = Robot(Som([replace(first, period=None), *others]))
+    commands = robot.fail("/a", A, 10.0, kind=Kind.SILENT)
+    assert not has(commands, events.FindNode)
+    assert not has(robot.handle(events.Tick(60.0)), events.FindNode)
+    robot.fail("/a", A, 61.0)
+    robot.killed(61.1, A)
+    assert only(robot.handle(events.Tick(70.0)), events.RestartNode).node == A
+
+
 def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
     robot = Robot(som("restart"))
     robot.fail("/a", A, 10.0)

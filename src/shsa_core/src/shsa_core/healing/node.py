@@ -144,6 +144,8 @@ class Nodes:
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         restarted &= node in self._health.startable
+        if service.event_driven and accusation.silent:
+            restarted = False  # it lost its connection, which a link does: it need not say a thing
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
