@@ -119,13 +119,17 @@ def test_who_closed_a_connection_is_not_ended_where_nobody_can_start_it() -> Non
     assert not has(robot.handle(events.NodeFound(10.1, A, events.Where.HERE)), events.AskToLeave)
 
 
-def test_who_is_found_to_be_protected_is_kept_and_nobody_speaks_beside_it() -> None:
+@pytest.mark.parametrize("kind,state", [("out_of_range", "kept"), ("requested", "ended")])
+def test_who_is_found_to_be_protected_is_kept_and_nobody_speaks_beside_it(
+    kind: str, state: str
+) -> None:
     robot = Robot(learned=False)
-    robot.fail("/a", A, 10.0, "out_of_range")
+    robot.failure("/a", A, 10.0, kind, "it is to go.", 9.98)
     why = "its process is a nodelet manager"
     robot.handle(events.NodeFound(10.1, A, events.Where.PROTECTED, why))
     incident = last_incident(robot.said)
-    assert (incident.state, incident.decision) == ("kept", f"{A} is kept: {why}")
+    assert (incident.state, incident.decision) == (state, f"{A} is kept: {why}")
+    assert publishing(robot) in ((), (False,))
 
 
 def test_who_only_trickles_is_ended_as_silent() -> None:

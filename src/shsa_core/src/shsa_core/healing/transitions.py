@@ -46,6 +46,15 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     return commands
 
 
+def replan(service: ServiceMachine, _: Failure) -> List[Command]:
+    """Heal by what is known now; what was asked for is over if the node turns out protected."""
+    commands, incident, accused = repair.heal(service), service.incident, service.accusation
+    protected = accused.kept and accused.node in service.robot.health.protected
+    if incident.kind is Kind.REQUESTED and protected and incident.killed is None:
+        commands += close(service, incident.detail)
+    return commands
+
+
 def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     """Judge a node that failed once more, or another one beside it."""
     assert failure is not None
@@ -187,7 +196,7 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
     for state in (healing, healed, unhealed, safe, kept):
         more = (healed,) if state in (healed, safe) else ()
         yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
-        yield state, Trigger.REPLAN, repair.heal, (*_STUCK_OR_HEALING, *more)
+        yield state, Trigger.REPLAN, replan, (*_STUCK_OR_HEALING, *more, well)
         if state in WAITING:
             yield state, Trigger.RETRY, repair.retry, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
