@@ -288,15 +288,15 @@ def test_a_syntax_error_opens_nothing_in_the_working_folder(tmp_path: pathlib.Pa
 
 def test_no_parameter_of_healing_names_a_file() -> None:
     """Whoever reaches the master can set it, and have the node started again."""
-    source = pathlib.Path(message_types.__file__).parent
+    source, calls = pathlib.Path(message_types.__file__).parent, ("get_param", "getParam")
     asked: List[str] = []
     for path in source.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "get_param":
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") in calls:
                 name: Any = node.args[0]
                 asked.append(name.value if isinstance(name, ast.Constant) else ast.dump(name))
     names = {
         each if each.startswith("~") else re.sub(r".*id='(\w+)'.*", r"\1", each) for each in asked
     }
-    # Settings, a flag, the SOM, the master's own name of its start, and a flag of rosout's.
-    assert names == {"~", "~muted", "PARAMETER", "RUN", "ROSOUT"}
+    # Settings, a flag, the SOM, the master's own name of its start, a flag of rosout's, launches.
+    assert names == {"~", "~muted", "PARAMETER", "RUN", "ROSOUT", "/roslaunch/uris"}

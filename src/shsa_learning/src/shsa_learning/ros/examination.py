@@ -67,7 +67,7 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
 
 def _running(namespace: str) -> Som:
     value = get_som_parameter()
-    if value is None:
+    if not value:
         text = "healing does not run here: start shsa.launch, or name the file with --som"
         raise ShsaError(text)
     som, _ = read_tree(from_parameters(value, PARAMETER), namespace)

@@ -117,7 +117,7 @@ class Watch:
             return
         self._models_due = time.monotonic() + MODELS_S
         value = get_som_parameter()
-        if value is not None:
+        if value:
             # What is not valid is named by the monitor; here the valid part will do.
             som, _ = read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
             self._heed(som)

@@ -3,6 +3,8 @@ import dataclasses
 import json
 import threading
 import time
+from contextlib import suppress
+from itertools import product
 from typing import Any, Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 import rosgraph
@@ -23,8 +25,6 @@ LIVE_PARAMETERS = "numbers of the SOM on the parameter server count, too"
 MOST_SAID = 20
 """Errors of one look: anybody can set thousands of parameters."""
 
-FAILS = (*FAILURES, rospy.ROSException)
-
 
 def put_som(som: Som) -> bool:
     """Put `som` onto the parameter server; return true once it is there."""
@@ -33,8 +33,8 @@ def put_som(som: Som) -> bool:
 
 
 def get_som_parameter() -> Optional[object]:
-    """Return what lies at shsa/som; None if nothing does, or the master does not answer."""
-    return _ask(lambda: rospy.get_param(PARAMETER, None))
+    """Return what lies at shsa/som, {} if nothing does; None: the master does not answer."""
+    return _ask(_get)
 
 
 class SomWatch:
@@ -83,20 +83,13 @@ class SomWatch:
             rospy.rostime.wallsleep(min(rest, settings.LOOK_S if self._live else settings.ANSWER_S))
 
     def _look(self) -> None:
-        value = _ask(self._value)
+        value = get_som_parameter()
         if value is not None:
             with self._lock:
                 self._heed(value)
 
-    def _value(self) -> object:
-        """Return what lies at shsa/som; {} if nothing does."""
-        try:
-            return master_api().getParam(self._name)
-        except rosgraph.MasterError:
-            return {}
-
     def _heed(self, value: object) -> None:
-        seen = json.dumps(value, default=_contents)  # as text: NaN equals itself
+        seen = json.dumps(value, default=str)  # as text: NaN equals itself
         if seen == self._seen:
             return
         self._seen = seen
@@ -158,11 +151,6 @@ class SomWatch:
             self._seen = ""  # it is to be tried again
 
 
-def _contents(value: object) -> str:
-    """Return dates and bytes as text."""
-    return f"{type(value).__name__} {getattr(value, '__dict__', '')}"
-
-
 def _names(value: object) -> Set[str]:
     services = value.get("services") if isinstance(value, dict) else None
     return set(services) if isinstance(services, dict) else set()
@@ -173,10 +161,17 @@ def _otherwise(value: Any, som: Som) -> List[Service]:
     return [s for s in som if value["services"].get(s.name) != service_parameters(s)]
 
 
+def _get() -> Any:
+    try:
+        return master_api().getParam(rospy.resolve_name(PARAMETER))
+    except rosgraph.MasterError:
+        return {}  # there is no such parameter
+
+
 def _ask(question: Callable[[], Any]) -> Optional[Any]:
     try:
         return question()
-    except FAILS as error:
+    except (*FAILURES, rospy.ROSException) as error:
         rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
         return None
 
@@ -196,19 +191,11 @@ def look_up(paths: Sequence[str]) -> Tuple[Signal, ...]:
 
 def _som_signals() -> Dict[str, Signal]:
     """Return every value of the SOM by its path, whichever node sends it."""
-    value: Optional[object] = rospy.get_param(PARAMETER, None)
-    if value is None:
-        return {}
-    try:
-        # What is not valid is named by those who watch the SOM; here the valid part will do.
-        som, _ = som_file.read_tree(from_parameters(value, PARAMETER), rospy.get_namespace())
-    except ShsaError:
-        som = Som()
-    signals = (
-        som.signal(source, Deadlines(), written)
-        for source in som.sources
-        for written in (False, True)
-    )
+    som = Som()
+    with suppress(ShsaError):  # there is none; those who watch it name what is not valid
+        som, _ = som_file.read_tree(from_parameters(_get(), PARAMETER), rospy.get_namespace())
+    both = product(som.sources, (False, True))
+    signals = (som.signal(source, Deadlines(), written) for source, written in both)
     return {signal.path: dataclasses.replace(signal, node="") for signal in signals}
 
 
