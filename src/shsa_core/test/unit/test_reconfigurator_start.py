@@ -53,10 +53,9 @@ def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:
         _hosts=SimpleNamespace(listen=lambda *arguments: heard.extend(arguments)),
         _master=SimpleNamespace(introduce=lambda *topics: told.extend(topics)),
     )
-    node._elsewhere = lambda som: reconfigurator.ReconfiguratorNode._elsewhere(node, som)
     reconfigurator.ReconfiguratorNode._listen(node, SOM, True)
     assert heard == [["pi"], True]
-    assert told == ["/shsa/hosts/pi/commands", "/shsa/hosts/pi/events"]
+    assert told == ["shsa/hosts/pi/commands", "shsa/hosts/pi/events"]
 
 
 def test_what_check_calls_invalid_is_refused_at_the_start(tmp_path: Path) -> None:

@@ -97,8 +97,7 @@ class ReconfiguratorNode:
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         self._is_monitored = False
         self._master = MasterWatch(
-            lambda node: node.startswith(prefix),
-            lambda node: self._core.names.of_healing(node, False),
+            self._core.names,
             self._see_graph,
             KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
             self._core.robot.acts(som),
@@ -156,8 +155,7 @@ class ReconfiguratorNode:
             lambda s: self._put(events.SomChanged(clock.now(), self._usable(s))),
             arguments.live_parameters,
         )
-        tables = (names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
-        self._master.introduce(*map(rospy.resolve_name, tables))
+        self._master.introduce(names.FAILURES, names.SUBSTITUTIONS, names.SOM_STATE)
         self._monitors: Dict[str, TableSubscriber] = {}
         self._signing = signing
         self._hear_monitors(som)
@@ -265,8 +263,7 @@ class ReconfiguratorNode:
         hosts = [name for name in som.hosts if name != self._files.host]
         self._hosts.listen(hosts, taking_up)
         ends = names.host_commands, names.host_events
-        topics = (topic(host) for host in hosts for topic in ends)
-        self._master.introduce(*map(rospy.resolve_name, topics))
+        self._master.introduce(*(topic(host) for host in hosts for topic in ends))
 
     def _run_command(self, command: events.RunCommand) -> None:
         """Run a user's program, given as a list and through no shell, and wait for it."""
@@ -373,7 +370,7 @@ class ReconfiguratorNode:
         """Hear the monitors of more computers, if they have one; no host: that of all others."""
         for host in {"", *som.hosts} - self._monitors.keys():
             health, calibrations = names.told_by_monitor(host)
-            self._master.introduce(*map(rospy.resolve_name, (health, calibrations)))
+            self._master.introduce(health, calibrations)
             TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
             heard = partial(self._health, host)
             self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)

@@ -41,10 +41,10 @@ class AgentNode:
         signing = Signing(arguments.secret)
         self._lock = threading.Lock()
         self._end = AgentEnd(settings.LOST_BEATS * settings.TURN_S)
-        self._load, self._followed = Load(), followed
+        self._load, self._followed = Load(self._name), followed
         self._forgotten = threading.Event()
-        topic = names.host_events(self._name)
-        self._publisher = SignedPublisher(signing, topic, msg.HostEvent)
+        self._topic = names.host_events(self._name)
+        self._publisher = SignedPublisher(signing, self._topic, msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = arguments.restart_as_root or os.geteuid() != 0
@@ -66,7 +66,9 @@ class AgentNode:
         rospy.loginfo("Agent of %s ready.", self._name)
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
         while not rospy.is_shutdown():
-            self._beat()
+            self._load.look(clock.now())
+            with self._lock:
+                self._say("")
             if self._forgotten.wait(settings.TURN_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
         if not self._followed():
@@ -78,7 +80,7 @@ class AgentNode:
 
     def _watch_master(self) -> None:
         """Look now and then if the master knows us: a reconfigurator that follows must find us."""
-        us, topic = rospy.get_name(), rospy.resolve_name(names.host_events(self._name))
+        us, topic = rospy.get_name(), rospy.resolve_name(self._topic)
         while not self._forgotten.is_set() and kernel.started_by_launch(os.getpid()):
             rospy.rostime.wallsleep(settings.LOOK_S)
             with self._lock:
@@ -103,13 +105,9 @@ class AgentNode:
                 self._end.said += 1
                 self._say(EVENTS.to_text(event))
 
-    def _beat(self) -> None:
-        self._load.look(clock.now())
-        with self._lock:
-            self._say("")
-
     def _say(self, text: str) -> None:
         """Publish; the caller holds the lock, so that numbers come in order."""
+        seen = self._load.seen
         message = msg.HostEvent(
             session=self._end.session,
             open=self._end.is_open(clock.now()),
@@ -117,10 +115,10 @@ class AgentNode:
             heard=self._end.heard,
             event=text,
             running=self._host.children.running(),
-            load=self._load.busy,
-            cores=self._load.cores,
-            received=self._load.received,
-            transmitted=self._load.sent,
+            load=seen.load,
+            cores=seen.cores,
+            received=seen.received,
+            transmitted=seen.sent,
         )
         publish(self._publisher, message)
 

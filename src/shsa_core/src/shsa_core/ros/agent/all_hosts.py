@@ -1,6 +1,7 @@
 """The robot's computers as one: each command goes to its own, by an agent if need be."""
 import threading
 from contextlib import suppress
+from dataclasses import replace
 from typing import Callable, Dict, Iterable, List
 
 import psutil
@@ -16,8 +17,6 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
 from shsa_core.ros.workers import guarded
-
-TellAny = Callable[[events.Event], None]
 
 LOCAL = ""
 """The name of the computer that we run on."""
@@ -35,13 +34,13 @@ class AllHosts:
         self,
         local: CarryOut,
         signing: Signing,
-        tell: TellAny,
+        tell: Callable[[events.Event], None],
         host_of: Callable[[str], str],
         own: str = "",
     ) -> None:
         self._local, self._signing, self._tell = local, signing, tell
         self._host_of, self._own = host_of, own
-        self._load = Load()
+        self._load = Load(own)
         self._remote: Dict[str, RemoteHost] = {}
         self._homes: Dict[str, str] = {}
         self._lock = threading.RLock()
@@ -94,9 +93,7 @@ class AllHosts:
 
     def await_quiet(self) -> None:
         """Wait until the agents that can be reached have heard everything."""
-        kernel.wait_for(lambda: all(h.is_quiet for h in self._remote.values()), settings.ANSWER_S)
-
-    # Where each command goes.
+        kernel.wait_for(lambda: all(host.is_quiet for host in self.remote), settings.ANSWER_S)
 
     def _send(self, name: str, command: HostCommand) -> None:
         if name == LOCAL:
@@ -109,8 +106,6 @@ class AllHosts:
         """Return the computer of a node, if its agent was ever heard."""
         home = self._homes.get(node) or self._host_of(node)
         return home if home in self._remote and self._remote[home].seen else LOCAL
-
-    # The conversations with the agents.
 
     def _host(self, name: str) -> RemoteHost:
         commands = SignedPublisher(self._signing, names.host_commands(name), msg.HostCommand)
@@ -141,33 +136,28 @@ class AllHosts:
                 host.beat()
         if self._own:  # as agents tell of theirs
             self._load.look(now)
-            load = self._load.busy, self._load.cores, self._load.sent, self._load.received
-            self._tell(events.HostSeen(now, self._own, *load))
+            self._tell(replace(self._load.seen, time=now))
 
 
 class Load:
-    """The load at the last look.
+    """The load of our computer `host` as it was `seen` last: on all networks but its own."""
 
-    `busy`: busy cores, of `cores`. `sent`, `received`: bytes/s on all networks but the computer's
-    own.
-    """
-
-    def __init__(self) -> None:
-        self.cores = float(psutil.cpu_count() or 1)
-        self.busy = self.sent = self.received = 0.0
+    def __init__(self, host: str) -> None:
+        cores = float(psutil.cpu_count() or 1)
+        self.seen = events.HostSeen(float("-inf"), host, 0.0, cores, 0.0, 0.0)
         psutil.cpu_percent()
-        self._looked = float("-inf")
         self._counted = _counters()
 
     def look(self, now: float) -> None:
         """Look, if it is time to; `now`: s."""
-        elapsed = now - self._looked
+        elapsed = now - self.seen.time
         if elapsed < settings.LOOK_S:
             return
         counted, before = _counters(), self._counted
-        self.busy = psutil.cpu_percent() / 100.0 * self.cores
-        self.sent, self.received = ((new - old) / elapsed for new, old in zip(counted, before))
-        self._looked, self._counted = now, counted
+        busy = psutil.cpu_percent() / 100.0 * self.seen.cores
+        sent, received = ((new - old) / elapsed for new, old in zip(counted, before))
+        self.seen = replace(self.seen, time=now, load=busy, sent=sent, received=received)
+        self._counted = counted
 
 
 def _counters() -> List[int]:

@@ -16,22 +16,16 @@ import rospy
 from shsa_core.analysis import registrations
 from shsa_core.analysis.registrations import Graph, Pairs, Part, Registration, Said
 from shsa_core.errors import ShsaError
+from shsa_core.model.names import Names
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
 from shsa_core.ros.master.kept import KnowledgeFile
 from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
-REGISTER = {
-    Part.PUBLISHER: "registerPublisher",
-    Part.SUBSCRIBER: "registerSubscriber",
-    Part.SERVICE: "registerService",
-}
 ONE_CALL = 500
 """Questions that are put together; with more the master would keep others waiting."""
 LARGEST_PARAMETERS = 4_000_000
 """Characters; more than that is not kept. The SOM is put back by those who watch it."""
-
-
 Parts = Mapping[Part, Pairs]
 """All that is registered."""
 
@@ -76,8 +70,9 @@ class MasterCalls:
 
     def register(self, missing: Iterable[Registration]) -> List[Any]:
         """Register these on behalf of their nodes, in this order; return the master's answers."""
-        calls = [(REGISTER[r.part], (r.node, r.name, r.what, r.uri)) for r in missing]
-        return self._many(calls)
+        return self._many(
+            [(f"register{r.part.title()}", (r.node, r.name, r.what, r.uri)) for r in missing]
+        )
 
     def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
         """Return the values that calls return, None for a refusal."""
@@ -114,20 +109,14 @@ class MasterState(NamedTuple):
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
-    `is_ours(node)`: whether a node is one of our substitutes; `of_healing(node)`: whether it is
-    healing's, or of ROS. `seen` hears at each look all that is registered. `pid` is the process of
-    the master, `known` what it knew, also in the `file`. While `acts` is false it only looks.
+    `seen` hears at each look all that is registered. `pid` is the process of the master, `known`
+    what it knew, also in the `file`. While `acts` is false it only looks.
     """
 
     def __init__(
-        self,
-        is_ours: Callable[[str], bool],
-        of_healing: Callable[[str], bool],
-        seen: Callable[[Parts], None],
-        file: KnowledgeFile,
-        acts: bool,
+        self, names: Names, seen: Callable[[Parts], None], file: KnowledgeFile, acts: bool
     ) -> None:
-        self._is_ours, self._of_healing, self._seen, self.acts = is_ours, of_healing, seen, acts
+        self._names, self._seen, self.acts = names, seen, acts
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
@@ -146,7 +135,7 @@ class MasterWatch:
 
     def introduce(self, *topics: str) -> None:
         """See to it that subscribers of these topics hear of each new publisher."""
-        self._topics = self._topics | set(topics)
+        self._topics = self._topics.union(map(rospy.resolve_name, topics))
 
     def told(self) -> MasterState:
         """Return how things are now."""
@@ -177,7 +166,7 @@ class MasterWatch:
         if anew:
             register_again()
         self.pid = pid
-        introductions.hung = introductions.hung & registered
+        introductions.hung &= registered
         if anew:
             self._begin_anew(now)
         waiting: Collection[str] = ()
@@ -206,7 +195,8 @@ class MasterWatch:
         found = frozenset(Publisher(t, n, uris[n]) for t, n in offered if n in uris)
         self._introductions.heed(now, found)
         for new in self._introductions.due(now):
-            if self.acts and not self._is_ours(new.node):  # our substitutes tell by themselves
+            ours = new.node.startswith(self._names.prefix)  # substitutes tell by themselves
+            if self.acts and not ours:
                 nodes = {n: uris[n] for topic, n in heard if topic == new.topic and n in uris}
                 self._introductions.introduce(new, nodes)
 
@@ -233,7 +223,8 @@ class MasterWatch:
         waiting = {node: uri for node, uri in asked.items() if node not in self._settled}
         said, gone = self._ask_all(waiting)
         settled = self._settled.union(said, gone)
-        if self._restores and not all(map(self._of_healing, said)):  # or it is another robot's
+        robot = [node for node in said if not self._names.of_healing(node, False)]
+        if self._restores and robot:  # else it may be another one's
             found = registrations.missing_parameters(self._restores, self._calls.parameters())
             self._calls.set_parameters(found)
             self._restores = {}
