@@ -1,4 +1,1 @@
-"""The shells: the only part that knows ROS.
-
-They bring events to the core, and carry out what it decides.
-"""
+"""The shells, the only part that knows ROS: they bring events in, and carry commands out."""

@@ -1,8 +1,7 @@
 """Shows rows on /diagnostics, once a second, for display; no decision reads them.
 
-The rows are named after services, `monitor: battery_current`, since an analyzer misses for ever
-what has been there once. As everywhere in ROS, the topic is one for all robots on a master, and a
-row says whose it is by the full name of its node: `robot1/monitor: battery_current`.
+The rows are named after services, since an analyzer misses for ever what has been there once, and
+after the full name of the node (`robot1/monitor: battery_current`): all robots share the topic.
 """
 import queue
 import threading
@@ -45,9 +44,8 @@ HEALINGS = {State.WELL: OK, State.RETURNING: OK, State.HEALING: WARN, State.HEAL
 class Diagnostics:
     """Shows what it is given from a thread of its own: whoever gives something never waits.
 
-    `ask` has somebody `show` something, once a second; `rows` makes statuses of it, named after
-    services. More rows count what `signing` refused, and tell of the other healer and of each other
-    computer that has proved itself.
+    `ask` has somebody `show` something, once a second; `rows` makes statuses of it. More rows count
+    what `signing` refused, and tell of the other healer and of each other computer.
     """
 
     _ask: Callable[[], object]
@@ -204,17 +202,11 @@ def _host_row(host: RemoteHost) -> DiagnosticStatus:
     name, seen = f"host {host.name}", host.seen
     if seen is None:
         return _row(name, WARN, "its agent was not heard yet")
-    level, text = OK, f"{seen.load:.1f} of {seen.cores:g} cores are busy"
     if not host.is_reached:
-        level, text = ERROR, f"it cannot be reached, for {host.silence:.1f} s"
-    values = {
-        "busy cores": f"{seen.load:.2f}",
-        "cores": f"{seen.cores:g}",
-        "sent": f"{seen.sent:.0f} bytes/s",
-        "received": f"{seen.received:.0f} bytes/s",
-        "silent": f"{host.silence:.1f} s",
-    }
-    return _row(name, level, text, values.items())
+        return _row(name, ERROR, f"it cannot be reached, for {host.silence:.1f} s")
+    values = {"sent": f"{seen.sent:.0f} bytes/s", "received": f"{seen.received:.0f} bytes/s"}
+    text = f"{seen.load:.1f} of {seen.cores:g} cores are busy"
+    return _row(name, OK, text, values.items())
 
 
 def _master_row(master: MasterState) -> DiagnosticStatus:

@@ -13,9 +13,8 @@ from shsa_core.ros.wire import names
 class FailurePublisher:
     """Publishes signed failures on shsa/failures, in the namespace of this node.
 
-    `secret`: the file with healing's secret, if that is not the default one. Only the user whom
-    healing runs as can read it. It may be a copy, on another computer of the robot. Raises
-    ShsaError if it cannot be read.
+    `secret`: the file with healing's secret, or a copy on another computer; empty: the default one.
+    Raises ShsaError if it cannot be read, as by another user than healing's.
     """
 
     def __init__(self, secret: str = "") -> None:

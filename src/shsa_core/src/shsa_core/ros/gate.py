@@ -1,6 +1,4 @@
-"""The gate's ROS shell: reads what the node and its substitutes publish, and publishes what its
-core lets pass, byte for byte.
-"""
+"""The gate's ROS shell: publishes what its core lets pass of what is published, byte for byte."""
 import argparse
 import struct
 import sys
@@ -43,11 +41,11 @@ class GateNode:
         first = arguments.standby and full_name(arguments.standby, rospy.get_namespace())
         signing = Signing(arguments.secret)
         self._kind = message_class(self._service.type)
-        self._core = Gate(self._service, first, clock.now())
+        self._fed = clock.now()
+        self._core = Gate(self._service, first, self._fed)
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
         self._reader = Reader(ALL)
-        self._fed = clock.now()
         self._written = as_written(self._kind)
         self._publisher = rospy.Publisher(
             self._service.heard,
@@ -89,12 +87,12 @@ class GateNode:
         overheard = connection.topic == self._service.heard
         judged = None if overheard else self._core.service_of(connection.publisher)
         message = self._reader.event(arrived, self._subscriptions.waited(time), judged)
-        message = replace(message, stamp=stamp(data) if self._kind._has_header else 0)
-        sent = connection.header
+        sent, error = connection.header, message.error
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
-            text = f"it is a {sent['type']} of another version or type than {self._kind._type} here"
-            message = replace(message, error=text)
-        self._feed(events.Arrived(message, data, newest))
+            ours = self._kind._type
+            error = f"it is a {sent['type']} of another version or type than {ours} here"
+        stamped = stamp(data) if self._kind._has_header else 0
+        self._feed(events.Arrived(replace(message, stamp=stamped, error=error), data, newest))
 
     def _feed(self, event: events.Event) -> None:
         self._fed = event.time

@@ -31,8 +31,7 @@ def log_path(log_file: str) -> str:
 class Incidents:
     """Publishes incidents, logs those that have ended, and lets threads wait for one.
 
-    A late subscriber is told of those that are open. `log_file`: one JSON line an incident, for
-    us alone to read; see log_path.
+    A late subscriber is told of those that are open. `log_file`: see log_path.
     """
 
     def __init__(self, log_file: str, signing: Signing) -> None:

@@ -21,8 +21,7 @@ from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherH
 class Inputs:
     """Events for one thread: what others put, and what that thread reads from the connections.
 
-    `rests`: the priority of the process while what it does does not matter; None: it is left as it
-    is.
+    `rests`: the priority of the process while what it does does not matter; None: as it is.
     """
 
     def __init__(self, robot_clock: clock.RobotClock, rests: Optional[int] = None) -> None:
@@ -45,9 +44,8 @@ class Inputs:
 
     def read(self, topics: Iterable[str]) -> None:
         """Have these topics read by a program, and not just prepared for."""
-        new = set(topics) - self._read
-        if new:
-            self._read = self._read | new
+        if not self._read.issuperset(topics):
+            self._read = self._read.union(topics)
             self._inbox.put(None)
 
     # From the one thread that may wait for the master.

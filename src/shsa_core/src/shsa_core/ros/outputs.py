@@ -85,10 +85,10 @@ class Outputs:
         if publisher is None:
             return  # withdrawn already
         message = self._composed[topic].message(command)
-        if not command.only and not command.served:
+        only, served = command.only, command.served
+        if not only and not served:
             publisher.publish(message)
             return
-        only, served = command.only, command.served
         goes_to = lambda consumer: consumer == only if only else consumer not in served
         connections = connections_of(publisher)
         send(publisher, message, [each for each in connections if goes_to(each.endpoint_id)])
@@ -114,7 +114,6 @@ class _Composed:
         for quaternion in self._quaternions:
             normalize(quaternion)
         if message._has_header:
-            message.header.stamp = (
-                rospy.Time(0, command.stamp) if command.stamp else rospy.Time.now()
-            )
+            now = rospy.Time.now()
+            message.header.stamp = rospy.Time(0, command.stamp) if command.stamp else now
         return message

@@ -6,8 +6,10 @@ import shlex
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Callable, Dict, List, Optional, Set, Tuple
 
 import rospy
@@ -117,9 +119,9 @@ class ReconfiguratorNode:
         self._incidents = Incidents(arguments.incident_log, signing)
         table = names.SUBSTITUTIONS, msg.Substitutions, "substitutions", row_key, signing
         self._substitutions = TablePublisher(*table, opened=False, concerning=own_rows(prefix))
-        self._som_state = TablePublisher(
-            names.SOM_STATE, msg.SomState, "services", lambda row: row.service, signing, False
-        )
+        key = attrgetter("service")
+        som_state = names.SOM_STATE, msg.SomState, "services", key, signing
+        self._som_state = TablePublisher(*som_state, opened=False)
         self._records: RecordFile
         self._commands = Workers("command", settings.MOST_CALLS)
         self._carry_out: dispatch.Table[object] = dispatch.table(
@@ -319,11 +321,9 @@ class ReconfiguratorNode:
 
     def _heed_added(self) -> None:
         """Read the models again once `shsa add` has written its file, which only we may write."""
-        path, before = added_path(self._files.som), self._added
-        try:
-            self._added = os.path.getmtime(path)
-        except OSError:  # nothing was added
-            self._added = 0.0
+        before, self._added = self._added, 0.0
+        with suppress(OSError):  # nothing was added
+            self._added = os.path.getmtime(added_path(self._files.som))
         if before != self._added:
             self._commands.put(self._reload_added)
 
@@ -358,11 +358,11 @@ class ReconfiguratorNode:
             return
         if not message.sent and message.kind == msg.Failure.NO_VALUE:
             return  # only a substitute of ours can tell that, and it signs
-        self._heard(names.FAILURES, lambda: wire.failure_seen(message))
+        self._heard(names.FAILURES, wire.failure_seen, message)
 
-    def _heard(self, topic: str, read: Callable[[], Event]) -> None:
+    def _heard(self, topic: str, read: Callable[..., Event], *message: object) -> None:
         try:
-            self._put(read())
+            self._put(read(*message))
         except ShsaError as error:
             rospy.logerr("Refused a message on %s: %s.", topic, error)
 
@@ -371,16 +371,14 @@ class ReconfiguratorNode:
         for host in {"", *som.hosts} - self._monitors.keys():
             health, calibrations = names.told_by_monitor(host)
             self._master.introduce(health, calibrations)
-            TableSubscriber(calibrations, msg.Calibrations, self._calibrated, self._signing)
+            calibrated = partial(self._heard, names.CALIBRATIONS, wire.calibrations_heard)
+            TableSubscriber(calibrations, msg.Calibrations, calibrated, self._signing)
             heard = partial(self._health, host)
             self._monitors[host] = TableSubscriber(health, msg.Health, heard, self._signing)
 
     def _health(self, host: str, message: msg.Health) -> None:
         self._is_monitored = True
-        self._heard(names.HEALTH, lambda: wire.health_seen(message, host))
-
-    def _calibrated(self, message: msg.Calibrations) -> None:
-        self._heard(names.CALIBRATIONS, lambda: wire.calibrations_heard(message))
+        self._heard(names.HEALTH, wire.health_seen, message, host)
 
 
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:

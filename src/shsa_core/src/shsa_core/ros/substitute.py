@@ -4,7 +4,7 @@ import sys
 import threading
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
-from typing import Callable, Iterable, Iterator, List, Optional, Sequence, Set, Tuple, Union
+from typing import Callable, Iterable, Iterator, List, Optional, Sequence, Set, Union
 
 import rospy
 from shsa_msgs import msg
@@ -107,8 +107,7 @@ class SubstituteNode:
 
     def _follow(self) -> None:
         if not self._row.shared:
-            row, now, ros_time = self._row, self._clock.now(), clock.ros_ns()
-            self._feed(events.RowChanged(now, row, unusable(row), ros_time=ros_time))
+            self._feed(row_changed(self._clock.now(), self._row))
         if self._signing is not None:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
@@ -180,9 +179,7 @@ class SubstituteNode:
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
     def _take_over(self, command: events.TakeOver) -> None:
-        row, now = command.row, self._clock.now()
-        last, ros_time = last_message(row), clock.ros_ns()
-        self._changed(events.RowChanged(now, row, unusable(row), last, ros_time))
+        self._changed(row_changed(self._clock.now(), command.row))
 
     def _give_up(self, command: events.GiveUp) -> None:
         raise ShsaError(command.reason)
@@ -250,8 +247,7 @@ class RowReader:
         for row in _rows(ours):
             self._listed.add(row_key(row))
             self.idle = row.idle
-            last = last_message(row)
-            found.append(events.RowChanged(now, row, unusable(row), last, clock.ros_ns()))
+            found.append(row_changed(now, row))
         told = {row_key(row) for row in ours}
         ended = self._listed.intersection(message.removed) - told
         for key in (self._listed - told) if message.whole else ended:
@@ -260,8 +256,8 @@ class RowReader:
         if self.idle:
             plans = tuple(_rows(row for row in message.substitutions if not row.node))
             problems = tuple(each for plan in plans for each in unusable(plan))
-            told_gone, whole = tuple(message.removed), message.whole
-            found.append(events.PlansChanged(now, plans, told_gone, whole, problems))
+            changed = tuple(message.removed), message.whole, problems
+            found.append(events.PlansChanged(now, plans, *changed))
         return found
 
 
@@ -273,6 +269,11 @@ def _rows(messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
         except ShsaError as error:
             text = f"A row for {each.service} is refused: {error}"
             rospy.logwarn_throttle_identical(60.0, text)
+
+
+def row_changed(now: float, row: Substitution) -> events.RowChanged:
+    """Return the event of a row that is new, or another one than before."""
+    return events.RowChanged(now, row, unusable(row), last_message(row), clock.ros_ns())
 
 
 def unusable(row: Substitution) -> events.Unusable:
@@ -300,24 +301,22 @@ def last_message(row: Substitution) -> Optional[events.LastMessage]:
     return events.LastMessage(values, min(stamp, clock.ros_ns()))
 
 
-def _paths(text: str) -> Tuple[str, ...]:
-    return tuple(path.strip() for path in text.split(",") if path.strip())
-
-
 def _row(inputs: str, code: str, outputs: str) -> Substitution:
     """Return the row of three strings, muted at first unless somebody has started it by hand."""
-    paths, text = (_paths(inputs), _paths(outputs)), os.environ.get(VARIABLE)
+    ends = ([path.strip() for path in end.split(",")] for end in (inputs, outputs))
+    paths = [[path for path in end if path] for end in ends]
+    text = os.environ.get(VARIABLE)
     if text is not None:
         signals = decode(text)
-        if tuple(tuple(signal.path for signal in each) for each in signals) != paths:
+        if [[signal.path for signal in each] for each in signals] != paths:
             raise ShsaError(f"{VARIABLE} does not hold the signals of INPUTS and OUTPUT")
         return Substitution(rospy.get_name(), "", signals[0], code, signals[1])
     # Not for those who ask nobody: it takes long.
     from shsa_core.ros.master.som_parameter import look_up
 
-    ends = (look_up(each) for each in paths)
+    found = map(look_up, paths)
     muted = bool(rospy.get_param("~muted", False))
-    return Substitution(rospy.get_name(), "", next(ends), code, next(ends), publishing=not muted)
+    return Substitution(rospy.get_name(), "", next(found), code, next(found), publishing=not muted)
 
 
 def main() -> None:

@@ -1,7 +1,6 @@
 """The agent of a computer: carries out there what the reconfigurator wants, and tells what happens.
 
-It decides nothing. Without a reconfigurator it does nothing, and what it has started goes on; that
-knows then that it is cut off.
+Without a reconfigurator it does nothing; what it has started goes on, and knows of that.
 """
 import argparse
 import os
@@ -58,10 +57,9 @@ class AgentNode:
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
     def spin(self) -> None:
-        """Show that we are there until ROS shuts down; then stop what was started.
+        """Show that we are there until ROS shuts down; then stop what was started, or hand it over.
 
-        Unless another agent follows, which takes it up. Raises ShsaError if another must follow, as
-        the master does not know us.
+        Raises ShsaError if another agent must follow, as the master does not know us.
         """
         rospy.loginfo("Agent of %s ready.", self._name)
         threading.Thread(target=self._watch_master, name="master", daemon=True).start()
@@ -91,12 +89,12 @@ class AgentNode:
 
     def _received(self, message: msg.HostCommand) -> None:
         with self._lock:
-            wanted = self._end.hear(message, clock.now())
-        if wanted:
-            try:
-                self._host.carry_out(COMMANDS.from_text(message.command, rospy.get_name(), "this"))
-            except ModelError as error:
-                rospy.logerr("Refused a command: %s.", error)
+            if not self._end.hear(message, clock.now()):
+                return
+        try:
+            self._host.carry_out(COMMANDS.from_text(message.command, rospy.get_name(), "this"))
+        except ModelError as error:
+            rospy.logerr("Refused a command: %s.", error)
 
     def _tell(self, event: HostEvent) -> None:
         """Say what has happened; a reconfigurator that listens later sees what runs."""
