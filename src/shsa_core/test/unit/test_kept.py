@@ -7,7 +7,7 @@ import pytest
 
 from shsa_core.analysis.registrations import NOTHING, Graph, Part
 from shsa_core.ros import settings
-from shsa_core.ros.master.kept import KnowledgeFile
+from shsa_core.ros.succession import KnowledgeFile
 
 KNOWN = (
     42,

@@ -11,7 +11,7 @@ import sys
 from collections import deque
 from functools import partial
 from operator import attrgetter
-from typing import Deque, Dict, List, Optional
+from typing import Deque, Dict, Optional
 
 import rospy
 from shsa_msgs import msg
@@ -48,9 +48,7 @@ from shsa_core.ros.workers import Workers, guarded
 class MonitorNode:
     """Hears connections, messages and tables, and says what the core finds.
 
-    Raises ModelError if the SOM is not valid.
-
-    Parameters: those of shsa_core.monitoring.settings.
+    Parameters: those of shsa_core.monitoring.settings. Raises ModelError if the SOM is not valid.
     """
 
     def __init__(self, arguments: argparse.Namespace) -> None:
@@ -89,9 +87,8 @@ class MonitorNode:
             },
         )
         self._to_watch: Deque[str] = deque()
-        self._subscribe_at = 0.0
         self._looked = self._told_clock = self._fed = clock.now()
-        self._ahead = 0.0
+        self._subscribe_at = self._ahead = 0.0
         self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
             lambda: self._inbox.put(self._report),
@@ -100,12 +97,12 @@ class MonitorNode:
             self._companion,
         )
         later = lambda handle: lambda heard: self._inbox.put(partial(handle, heard))
-        later(self._som_changed)(som)
+        som_changed = later(self._som_changed)
+        som_changed(som)
         if not som_parameter.get_som_parameter():
             som_parameter.put_som(som)
-        namespace = rospy.get_namespace()
-        reread = lambda: read_som(arguments.som, namespace)
-        watch = later(self._som_changed), arguments.live_parameters, reread
+        reread = partial(read_som, arguments.som, rospy.get_namespace())
+        watch = som_changed, arguments.live_parameters, reread
         self._som_watch = som_parameter.SomWatch(som, *watch)
         changed = later(self._substitutions_changed)
         TableSubscriber(names.SUBSTITUTIONS, msg.Substitutions, changed, signing)
@@ -202,7 +199,7 @@ class MonitorNode:
 
     def _tell_health(self, change: events.HealthChanged) -> None:
         """Tell failures at once; else a turn's changes are published together."""
-        self._changes.update({key: None for key in change.removed})
+        self._changes.update(dict.fromkeys(change.removed))
         rows, failed = self._last_messages.rows(change)
         self._changes.update({row.key: row for row in rows})
         if failed:
@@ -264,9 +261,8 @@ def _read(arguments: argparse.Namespace) -> Som:
     som, errors = load_som(path, rospy.get_namespace())
     for error in errors:
         rospy.logerr("Refused: %s", error)
-    named: List[str] = [each for each in (arguments.host, *arguments.beside) if each]
-    for host in named:
-        if host not in som.hosts:
+    for host in (arguments.host, *arguments.beside):
+        if host and host not in som.hosts:
             there = ", ".join(som.hosts) or "none"
             raise ModelError(f"{path}/hosts", f"there is no host {host!r}; there are: {there}")
     if not _share(arguments, som).services:

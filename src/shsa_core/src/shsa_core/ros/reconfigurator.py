@@ -36,7 +36,6 @@ from shsa_core.ros import clock, diagnostics, settings
 from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
-from shsa_core.ros.master.kept import KnowledgeFile
 from shsa_core.ros.master.master_watch import MasterWatch, Parts
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.places import boot
@@ -49,7 +48,7 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.incidents import Incidents
 from shsa_core.ros.node import LOG, read_parameters, recorded, run
 from shsa_core.ros.services import Services
-from shsa_core.ros.succession import maintain, maintained, record_path, take_over
+from shsa_core.ros.succession import KnowledgeFile, maintain, maintained, record_path, take_over
 from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.wire.rows import own_rows, substitution_message
 
@@ -98,12 +97,9 @@ class ReconfiguratorNode:
         self._spins, self._stopped = False, threading.Event()
         self._healed: Optional[Set[str]] = None  # topics, as far as people were told
         self._is_monitored = False
-        self._master = MasterWatch(
-            self._core.names,
-            self._see_graph,
-            KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot()),
-            self._core.robot.acts(som),
-        )
+        kept = KnowledgeFile(record_path(rospy.get_namespace(), "master"), boot())
+        watched = self._core.names, self._see_graph, kept.read(), kept.write
+        self._master = MasterWatch(*watched, acts=self._core.robot.acts(som))
         signs = Signs(RECONFIGURATOR, lambda: str(self._master.pid or "").encode())
         self._companion = Companion(MONITOR, signs)
         types = sorted({service.type for service in som if service.type})

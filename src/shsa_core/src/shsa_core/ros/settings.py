@@ -7,16 +7,16 @@ Modules name them as `settings.NAME`, so that a test can set one for all its use
 TURN_S = 0.1
 """No longer between two looks at the clock: it bounds how late a message is known to have come. As
 often a process, and an agent, gives a sign of life: a heartbeat."""
-
 REST_S = 0.002
 """Between two looks at least, also at a process that is waited for: what comes within this is
 handled together, as of when it came; and a change of ROS time beside ours is told only then. A node
 on this computer has refused a call, or dropped it, by then."""
 TICK_S = 0.05
 """Between two looks for processes that end or are silent."""
+LOOK_S = 1.0
+"""Between two looks at what changes seldom, as the load of a computer, and two reports of them."""
 ANSWER_S = 5.0
 """So long the rest of healing is given to answer, and to end: an agent, the thread that works."""
-
 LOOKED_AT = 20
 """Nodes at each turn: for how long they have waited for a processor."""
 
@@ -42,9 +42,10 @@ EXPECTED_B = 1 << 22
 hold at most: of 6 MB, unless it was told so."""
 READS_A_TURN = 16
 """Of one connection: a babbling publisher must not keep the others waiting."""
-
 CONSUMER_QUEUE = 10
 """Messages that wait for a consumer that does not read; the others do not wait for it."""
+QUEUE = 200
+"""Messages of a table that wait. A slow subscriber misses those beyond, and then begins anew."""
 PAUSE_S = 0.005
 """Between two calls that are in no hurry: topics that the monitor subscribes, nodes that are
 learned, registrations of what stands by. Each costs others work."""
@@ -58,10 +59,6 @@ LARGEST_HEADER_B = 1 << 18
 """A connection header holds the message's definition."""
 MOST_CALLS = 32
 """Calls of one kind at the same time: so many hung nodes hold up no other."""
-
-# Tables.
-QUEUE = 200
-"""Messages that wait for a slow subscriber. It misses those beyond, and then begins anew."""
 
 # What rospy is held to.
 MOST_WAITING = 100
@@ -85,10 +82,6 @@ STARVED = 10
 needed."""
 HUNG_HEALER_BEATS = {"monitor": 30, "reconfigurator": 50}
 """The same of a healer that is ended by the other; they differ: one of both stays."""
-
-# Processes.
-LOOK_S = 1.0
-"""Between two looks at what changes seldom, as the load of a computer, and two reports of them."""
 
 # Calls, and tries again.
 CALL_S = 0.5

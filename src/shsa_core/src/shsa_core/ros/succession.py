@@ -1,10 +1,13 @@
 """Takes over what a former reconfigurator has left: its records, and what still runs.
 
-That a robot is maintained is a file beside them, which only our own account can write: it outlives
-the reconfigurator and the boot, and needs no ROS master.
+What the master knew is a file beside them, since both may die together; but no parameters: a robot
+that was launched anew must not get those of before. Another file says that the robot is maintained:
+only our own account can write it, it outlives the boot, and it needs no master.
 """
+import json
 import os
 import re
+import time
 from contextlib import suppress
 from functools import lru_cache
 from typing import Collection, Set, Tuple
@@ -14,16 +17,17 @@ import rospy
 from rosgraph import get_master_uri
 
 from shsa_core.analysis.duties import duties_of, subscribers_of
-from shsa_core.analysis.registrations import Graph, Part, read_pairs
+from shsa_core.analysis.registrations import NOTHING, Graph, Part, read_pairs
 from shsa_core.errors import ShsaError
-from shsa_core.files.regular import written_by_others
+from shsa_core.files.regular import read_own, written_by_others
 from shsa_core.healing import events
 from shsa_core.healing.records import Record, of_this_robot
 from shsa_core.journal.codec import Codec
+from shsa_core.journal.lines import write_anew, write_line
 from shsa_core.journal.record_file import Former, RecordFile, read_records
 from shsa_core.model.names import Names
 from shsa_core.model.som import Som
-from shsa_core.ros import clock
+from shsa_core.ros import clock, settings
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.trust.places import boot, master_place
@@ -31,6 +35,8 @@ from shsa_core.ros.trust.places import boot, master_place
 CODEC = Codec(Record)
 RUN = "/run_id"
 """The parameter that a ROS master's start is known by."""
+LARGEST_B = 1 << 25
+"""A larger file of what a master knew is not read."""
 
 
 def take_over(
@@ -50,18 +56,17 @@ def take_over(
     same_boot = former.owner.get("boot") == owner["boot"]  # moments of another: of another clock
     runs = running if same_boot else ()
     records = of_this_robot(former.records, former.owner == owner, runs)
-    publishers, subscribers, services = map(read_pairs, master_api().getSystemState())
-    nodes = {node for _, node in publishers}
-    publishers |= known.parts[Part.PUBLISHER]
-    subscribers |= known.parts[Part.SUBSCRIBER]
-    services |= known.parts[Part.SERVICE]
+    now = list(map(read_pairs, master_api().getSystemState()))
+    nodes = {node for _, node in now[0]}
+    order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
+    parts = [pairs | known.parts[part] for pairs, part in zip(now, order)]
     started = events.Started(
         clock.now(),
         *_sorted_out(host, nodes - set(running)),
         records,
         tuple(running),
-        subscribers=tuple(subscribers_of(som, subscribers).items()),
-        duties=tuple(duties_of(som, names, publishers, subscribers, services).items()),
+        subscribers=tuple(subscribers_of(som, parts[1]).items()),
+        duties=tuple(duties_of(som, names, *parts).items()),
     )
     return started, RecordFile(path, CODEC, owner, rospy.logwarn)
 
@@ -102,6 +107,44 @@ def record_path(namespace: str, kind: str = "records") -> str:
 def _place(uri: str) -> str:
     """Return the place of our master as it was first told: a name may not be resolved later."""
     return master_place()
+
+
+class KnowledgeFile:
+    """What a master knows, at `path`; it counts for LONGEST_PAUSE_S, in the same `boot` alone."""
+
+    def __init__(self, path: str, boot: str) -> None:
+        self._path, self._boot = path, boot
+        self._written = b""
+
+    def write(self, pid: int, known: Graph) -> None:
+        """Write what is known now, if it is not what was written last."""
+        parts, nodes, providers = known
+        pairs = {part.value: sorted(parts[part]) for part in Part}
+        places = {"nodes": nodes, "providers": providers}
+        data = write_line({"boot": self._boot, "pid": pid, "parts": pairs, **places})
+        try:
+            if data == self._written:
+                os.utime(self._path)
+                return
+            os.close(write_anew(self._path, data))
+            self._written = data
+        except OSError as error:
+            self._written = b""
+            rospy.logdebug("%s is not written: %s", self._path, error)
+
+    def read(self) -> Tuple[int, Graph]:
+        """Return the process of a master, 0 for none, and what was written of it a moment ago."""
+        try:
+            age = time.time() - os.stat(self._path).st_mtime
+            told = json.loads(read_own(self._path, LARGEST_B))
+            if told["boot"] != self._boot or not 0.0 <= age <= settings.LONGEST_PAUSE_S:
+                return 0, NOTHING
+            pairs = {part: told["parts"][part.value] for part in Part}
+            parts = {part: frozenset((name, node) for name, node in pairs[part]) for part in Part}
+            return told["pid"], Graph(parts, told["nodes"], told["providers"])
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            rospy.logdebug("%s is not read: %s", self._path, error)
+            return 0, NOTHING
 
 
 def maintained(namespace: str) -> bool:

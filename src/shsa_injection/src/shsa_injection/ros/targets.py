@@ -8,7 +8,6 @@ from typing import Dict, List, Optional, Tuple
 import psutil
 
 from shsa_core.model.service import Service
-from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, resolved
 from shsa_core.ros.trust import owners
 from shsa_injection.errors import Refused
@@ -65,7 +64,7 @@ def find(service: Service) -> Target:
         uri = master_api().lookupNode(node)
     except FAILURES as error:
         raise Refused(f"{node}: the master does not tell where it is: {error}") from error
-    if node not in of_topic(publishing, service.topic):
+    if node not in dict(publishing).get(service.topic, ()):
         raise Refused(f"{node} does not publish {service.topic} now")
     process = owned(listening_process(uri), node)
     if healers.is_one(process):

@@ -6,8 +6,7 @@ publisher. `remind` tells of our own; `Introductions` looks whether others were 
 import threading
 from contextlib import suppress
 from functools import lru_cache, partial
-from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional
-from typing import Sequence, Tuple
+from typing import Callable, FrozenSet, Iterable, List, Mapping, NamedTuple, Optional, Tuple
 
 import rospy
 
@@ -24,11 +23,11 @@ def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> No
     """
     master = master_api()
     uri = lru_cache(maxsize=None)(master.lookupNode)  # the same few nodes have many topics
-    publishing, subscribing, _ = master.getSystemState()
+    publishing, subscribing = (dict(rows) for rows in master.getSystemState()[:2])
     for topic in topics:
-        nodes = [node for node in of_topic(subscribing, topic) if node not in served(topic)]
+        nodes = [node for node in subscribing.get(topic, ()) if node not in served(topic)]
         if nodes:
-            publishers = [uri(node) for node in of_topic(publishing, topic)]
+            publishers = [uri(node) for node in publishing.get(topic, ())]
             tell(map(uri, nodes), topic, publishers)
 
 
@@ -45,11 +44,6 @@ def register_again() -> None:
                 register(topic, kind, uri)
     for service, where in rospy.impl.registration.get_service_manager().get_services():
         master.registerService(service, where, uri)
-
-
-def of_topic(state: Sequence[Tuple[str, List[str]]], topic: str) -> List[str]:
-    """Return the nodes that publish or subscribe a topic, by one part of getSystemState."""
-    return [node for name, nodes in state if name == topic for node in nodes]
 
 
 def tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:

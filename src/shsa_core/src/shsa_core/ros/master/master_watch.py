@@ -19,7 +19,6 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.names import Names
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
-from shsa_core.ros.master.kept import KnowledgeFile
 from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
 
 ONE_CALL = 500
@@ -110,20 +109,24 @@ class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
     `seen` hears at each look all that is registered. `pid` is the process of the master, `known`
-    what it knew, also in the `file`. While `acts` is false it only looks.
+    what it knew; `former`: both at first; `keep` is told both. While `acts` is false it only looks.
     """
 
     def __init__(
-        self, names: Names, seen: Callable[[Parts], None], file: KnowledgeFile, acts: bool
+        self,
+        names: Names,
+        seen: Callable[[Parts], None],
+        former: Tuple[int, Graph],
+        keep: Callable[[int, Graph], None],
+        acts: bool,
     ) -> None:
-        self._names, self._seen, self.acts = names, seen, acts
+        self._names, self._seen, self._keep, self.acts = names, seen, keep, acts
+        self.pid, self.known = former
         self._me = rospy.get_name()
         self._calls = MasterCalls()
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
-        self._file = file
-        self.pid, self.known = file.read()
         self._parameters: Mapping[str, Any] = {}
         self._restores: Mapping[str, Any] = {}  # once a node of the robot has answered
         self._look_at = self._keep_at = self._kept_at = 0.0
@@ -178,7 +181,7 @@ class MasterWatch:
             self._seen(parts)
         if now >= self._keep_at:
             self.known = registrations.together(self._graph(parts), self.known, waiting)
-            self._file.write(pid, self.known)
+            self._keep(pid, self.known)
             self._kept_at = now
             tree = self._calls.parameters()
             self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}

@@ -12,7 +12,6 @@ import rospy
 from shsa_core.analysis.registrations import is_name
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master.announce import of_topic
 from shsa_core.ros.master.node_api import FAILURES, located, master_api, resolved, uri_of
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.trust.owners import is_local, listening, speaker
@@ -108,7 +107,7 @@ class CallerIds:
         if self._is_at(claim, uri):
             return claim
         publishing, _, _ = master_api().getSystemState()
-        listed = [node for node in of_topic(publishing, topic) if node != claim]
+        listed = [node for node in dict(publishing).get(topic, ()) if node != claim]
         return next((node for node in listed if self._is_at(node, uri)), "")
 
     def _is_at(self, node: str, uri: str) -> bool:
