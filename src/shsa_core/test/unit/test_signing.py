@@ -134,12 +134,6 @@ def test_another_computer_has_a_row_with_its_clock() -> None:
     row = diagnostics.computer_row(seen)
     assert (row.name, row.level) == ("computer pi at 10.0.0.2", diagnostics.WARN)
     assert row.message == "its clock is 0.3000 s behind, known within 0.0010 s"
-    assert {each.key: each.value for each in row.values} == {
-        "clock offset (s)": "-0.300000",
-        "known within (s)": "0.001000",
-        "round trip (s)": "0.002000",
-        "measured (s ago)": "7",
-    }
     assert (
         diagnostics.computer_row(seen._replace(asked=answered - 400 * 10**6)).level
         == diagnostics.OK
