@@ -18,7 +18,7 @@ sys.path.insert(0, str(ROOT / "src" / "shsa_core" / "test" / "unit"))
 import audit  # noqa: E402
 
 from shsa_core import message_types  # noqa: E402
-from shsa_core.analysis.check import check_model  # noqa: E402
+from shsa_core.analysis.check import check_ontology  # noqa: E402
 from shsa_learning.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
@@ -101,7 +101,7 @@ def ontology(data: bytes) -> None:
     for function in model.functions:
         assert function.output in model.properties
         assert function.law is None or parse_law(function.law.text) == function.law
-    check_model(model)
+    list(check_ontology(model))
 
 
 @target

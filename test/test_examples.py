@@ -10,8 +10,8 @@ import pytest
 from listings import ROOT
 
 from shsa_core import message_types
-from shsa_core.analysis.check import check_files
 from shsa_core.files.som_file import read_som
+from shsa_learning.check import check_files
 
 EXAMPLES = sorted(path.parent for path in ROOT.glob("examples/*/README.md"))
 

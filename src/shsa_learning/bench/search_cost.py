@@ -23,7 +23,6 @@ import numpy as np
 from matplotlib import pyplot
 from report import Goals
 
-from shsa_core.analysis.check import check_model
 from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -31,6 +30,7 @@ from shsa_core.model.som import Som
 from shsa_core.planning.plan_table import PlanTable
 from shsa_core.search.depth_first import first_found
 from shsa_core.search.derivation import Rated, SourceTable
+from shsa_learning.check import check_model
 from shsa_learning.report.resilience import analyse
 from shsa_learning.substitutes import find_substitute, substitutes
 

@@ -1,11 +1,12 @@
 """Wrong services, fields and values of a SOM are named and refused."""
+import json
 import pathlib
 from typing import Any
 
 import pytest
 from som_trees import GOOD, SERVICE, changed, place, som_of, write
 
-from shsa_core.analysis.check import check_files
+from shsa_core.cli.main import main
 from shsa_core.errors import ModelError, ModelErrors
 from shsa_core.files.som_file import load_som, merge_parameters, read_som
 from shsa_core.model.kinds import Standby
@@ -235,7 +236,7 @@ def test_the_valid_part_of_a_file_and_all_errors(tmp_path: pathlib.Path) -> None
     assert len(errors) == 6 and {error.where[-3:] for error in errors} == {":21", ":22"}
 
 
-def test_one_bad_entry_hides_no_other(tmp_path: pathlib.Path) -> None:
+def test_one_bad_entry_hides_no_other(tmp_path: pathlib.Path, capsys: Any) -> None:
     text = GOOD.replace("period: 1\n", "period: -1\n").replace("node: /drivetrain", "node: no node")
     text = text.replace("{field: twist.twist.linear.x}", "{field: a b, quality: 2}")
     text = text.replace("standby: warm", "standbye: warm") + "extra: 1\n"
@@ -246,7 +247,9 @@ def test_one_bad_entry_hides_no_other(tmp_path: pathlib.Path) -> None:
     assert [line.split(":")[1] for line in lines] == ["21", "8", "14", "15", "17", "17"]
     assert [str(error) for error in caught.value.errors] == lines
     assert caught.value.where == f"{path}:21" and "'extra'" in caught.value.what
-    findings = check_files(str(ROOT / "test/unit/data/boat.yaml"), path)
-    assert [f.where for f in findings if f.level == "error" and f.where in str(caught.value)] == [
+    main(["check", str(ROOT / "test/unit/data/boat.yaml"), "--som", path, "--json"])
+    found = json.loads(capsys.readouterr().out)["findings"]
+    told = [each["where"] for each in found if each["level"] == "error"]
+    assert [where for where in told if where in str(caught.value)] == [
         f"{path}:{line}" for line in (8, 14, 15, 17, 17, 21)
     ]

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import HealthCheck, assume, example, given, settings, strategies as st
 
 from robots import Robot, times
-from shsa_core.analysis.check import check_files
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Contain, Kind
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_learning.check import check_files
 from shsa_learning.init.draft import MOST_COMMENTS, SMALLEST, UNLISTED, Draft, draft, widened
 from shsa_learning.init.naming import service_names
 from shsa_learning.init.survey import Publisher, Refused, Survey

@@ -15,12 +15,12 @@ from std_msgs.msg import Float64, String
 
 from recordings import BagWriter
 from shsa_core import message_types
-from shsa_core.analysis.check import check_files
 from shsa_core.cli.main import main
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Contain
 from shsa_core.model.som import Som
+from shsa_learning.check import check_files
 from shsa_learning.init.prospects import obstacles
 from shsa_testing.models import law, ontology, som_of, source
 from shsa_testing.thorough import many

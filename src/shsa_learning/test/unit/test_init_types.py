@@ -10,9 +10,9 @@ import pytest
 
 from recordings import BagWriter
 from shsa_core import message_types
-from shsa_core.analysis.check import check_files
 from shsa_core.cli.main import main
 from shsa_core.files.som_file import read_som
+from shsa_learning.check import check_files
 
 PACKAGES = (
     *("actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs"),

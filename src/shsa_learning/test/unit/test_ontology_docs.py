@@ -8,7 +8,6 @@ from typing import Any, List
 
 import pytest
 
-from shsa_core.analysis.check import check_files
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import NoSubstitute
@@ -18,6 +17,7 @@ from shsa_core.files.som_file import read_som
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation
+from shsa_learning.check import check_files
 from shsa_learning.substitutes import find_substitute, substitutes
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[4] / "docs" / "reference"

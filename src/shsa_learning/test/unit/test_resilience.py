@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from shsa_testing.models import every_derivation, law, ontology, random_model, som_of, source
 
-from shsa_core.analysis.check import check_model
 from shsa_core.codegen.plans import plan_service
 from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import SourceTable
+from shsa_learning.check import check_model
 from shsa_learning.report.report import Suggestion, Survival
 from shsa_learning.report.resilience import analyse
 from shsa_learning.substitutes import find_substitute

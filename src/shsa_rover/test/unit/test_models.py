@@ -7,7 +7,6 @@ from typing import Any, List, Set
 import numpy as np
 import pytest
 
-from shsa_core.analysis.check import check_files
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.prediction import predictor
 from shsa_core.codegen.program import compile_program
@@ -15,6 +14,7 @@ from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.kinds import Contain, Standby
 from shsa_core.model.service import Provision, Service
+from shsa_learning.check import check_files
 from shsa_learning.learn.evaluation import evaluate_derivation
 from shsa_learning.substitutes import substitutes as substitutes_by_error
 from shsa_learning.substitutes import Substitute, find_substitute

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import Iterator, List
 
-from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.check import Finding
 from shsa_core.healing.settings import EXIT_TIMEOUT_S, Settings
 from shsa_core.model.checks import RateHigh, RateLow, Stuck
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby

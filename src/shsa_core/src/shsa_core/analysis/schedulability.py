@@ -5,7 +5,7 @@ have nothing else to do.
 """
 from typing import Callable, Collection, Dict, Iterator, List, Sequence, Set
 
-from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.check import Finding
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
@@ -65,7 +65,7 @@ class _Schedule:
 
     def stand_by(self) -> Iterator[Finding]:
         """Place what runs while nothing has failed: hot substitutes, and the pools of warm ones."""
-        pools: Dict[str, Dict[str, Service]] = {}
+        pools: Dict[str, List[Service]] = {}
         for service in self._of(Standby.HOT):
             yield from self._place(service)
         for service in self._of(Standby.WARM):
@@ -73,10 +73,9 @@ class _Schedule:
                 place = self._placement.place(0.0, service, self._reads[service.name])
             except ShsaError:
                 continue  # said when it is to be placed
-            inputs = {each.name: each for each in self._reads[service.name]}
-            pools.setdefault(place.host, {}).update(inputs)
+            pools.setdefault(place.host, []).extend(self._reads[service.name])
         for host, inputs in pools.items():
-            idle = idle_cost(inputs.values(), self._names(host))
+            idle = idle_cost(inputs, self._names(host))
             self._placed.setdefault(host, []).extend([idle] * self._settings.pool)
 
     def after(self, services: Sequence[Service]) -> Iterator[Finding]:

@@ -17,14 +17,12 @@ from shsa_core import __version__
 from shsa_core.cli._common import say
 from shsa_core.errors import NoSubstitute, ShsaError
 
+_LEARNING = (
+    *("accept", "add", "backtest", "check", "doctor", "explain", "find"),
+    *("import", "init", "learn", "maintenance", "plot", "replay", "report"),
+)
 ELSEWHERE = {
-    **dict.fromkeys(
-        (
-            *("accept", "add", "backtest", "doctor", "explain", "find", "import"),
-            *("init", "learn", "maintenance", "plot", "replay", "report"),
-        ),
-        "shsa_learning",
-    ),
+    **dict.fromkeys(_LEARNING, "shsa_learning"),
     **dict.fromkeys(("chaos", "inject"), "shsa_injection"),
     "top": "shsa_view",
 }

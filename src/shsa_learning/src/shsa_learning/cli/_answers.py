@@ -2,7 +2,6 @@
 from itertools import islice
 from typing import Any, Dict, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
-from shsa_core.analysis.check import slowest
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.plans import Plan, plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -14,6 +13,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import Derivation, SourceTable
+from shsa_learning.check import slowest
 from shsa_learning.loss import Loss, dead_branches, ranked
 from shsa_learning.substitutes import Substitute
 

@@ -1,7 +1,7 @@
 """Finds more for `shsa check` beside a robot that runs: who is kept, and who reads whom."""
 from typing import Iterator
 
-from shsa_core.analysis.finding import Finding
+from shsa_core.analysis.check import Finding
 from shsa_core.errors import listed
 from shsa_core.analysis.duties import Pairs, duties_of, is_command, read_by
 from shsa_core.model.names import Names

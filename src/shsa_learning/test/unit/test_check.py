@@ -6,8 +6,8 @@ from typing import Any, Callable, List, Optional, Tuple
 import pytest
 
 from shsa_core import message_types
-from shsa_core.analysis.check import Finding, check_files
 from shsa_core.cli.main import main
+from shsa_learning.check import Finding, check_files
 
 ROOT = pathlib.Path(__file__).resolve().parents[4]
 
@@ -323,3 +323,35 @@ services:
 """
     told = [each for each in check(ontology, som) if "whose zero may be another" in each.what]
     assert bool(told) == (has_heading or warns)
+
+
+def findings(tmp_path: pathlib.Path, where: str, function: str, constraint: str) -> List[str]:
+    (tmp_path / "o.yaml").write_text(
+        f"properties: {{v: , u: , i: }}\nrelations:\n  r:\n    i:\n      where: {{{where}}}\n"
+        f"      function: {function}\n      constraint: {constraint}\n"
+    )
+    line = "{topic: /%s, type: std_msgs/Float64, node: /n%s, period: 0.1, provides: {%s: {%s}}}"
+    (tmp_path / "s.yaml").write_text(
+        "services:\n"
+        + f"  v: {line % ('v', 'v', 'v', 'field: data, range: [-1, 1]')}\n"
+        + f"  u: {line % ('u', 'u', 'u', 'field: data, range: [0, 14]')}\n"
+    )
+    found = check_files(str(tmp_path / "o.yaml"), str(tmp_path / "s.yaml"))
+    return [each.what for each in found if "there is no output then" in each.what]
+
+
+def test_ranges_are_followed(tmp_path: pathlib.Path) -> None:
+    def found(where: str, function: str, constraint: str = "u >= 0") -> List[str]:
+        return [
+            each.split(": ")[1].split(" can")[0]
+            for each in findings(tmp_path, where, function, constraint)
+        ]
+
+    assert found("h: v + 2", "1/h") == []
+    assert found("h: v + 1", "1/h") == ["h"]
+    assert found("h: 1/v", "tanh(h)") == ["v"]
+    assert found("h: v + 2, g: 1/(h - 1)", "g") == ["h - 1"]
+    assert found("h: u - 1", "sqrt(h)", "u > 1") == []
+    assert found("h: u - 1", "sqrt(lowpass(h, 1))", "u > 1") == ["lowpass(h, 1)"]
+    assert found("h: u - 1, g: 'lowpass(h, 1)'", "sqrt(g)", "u > 1") == ["g"]
+    assert found("h: v", "1/h if h > 0 else 1") == []

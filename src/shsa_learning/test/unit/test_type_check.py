@@ -9,11 +9,12 @@ from typing import Any, List, Tuple
 import pytest
 
 from shsa_core import message_types
-from shsa_core.analysis.check import check_files
 from shsa_core.cli.main import main
 from shsa_core.errors import ShsaError
+from shsa_learning.check import check_files
 
-SOURCE = pathlib.Path(__file__).resolve().parents[2] / "src"
+PACKAGES = pathlib.Path(__file__).resolve().parents[3]
+SOURCES = [str(PACKAGES / name / "src") for name in ("shsa_core", "shsa_learning")]
 needs_ros = pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
 
 ONTOLOGY = "properties: {a: {}, b: {}}\nrelations: {same: {a: b, b: a}}\n"
@@ -179,7 +180,7 @@ def test_without_ros_types_are_not_checked_and_that_is_said(tmp_path: pathlib.Pa
             [sys.executable, "-c", script, "check", ontology, "--som", som, *extra],
             stdout=subprocess.PIPE,
             universal_newlines=True,
-            env={**os.environ, "PYTHONPATH": str(SOURCE)},
+            env={**os.environ, "PYTHONPATH": ":".join(SOURCES)},
         )
         assert done.returncode == 0, done.stdout
         assert "types not checked" in done.stdout or '"types_checked": false' in done.stdout

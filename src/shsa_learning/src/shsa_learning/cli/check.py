@@ -5,8 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 from shsa_core import message_types
-from shsa_core.analysis.check import check_files
 from shsa_core.cli._common import add_namespace, say
+from shsa_learning.check import check_files
 
 
 def add_parser(subparsers: Any) -> None:
