@@ -52,8 +52,7 @@ class Value:
 
     def mapping(self, what: str) -> Dict[str, "Value"]:
         """Return the mapping that this value must be."""
-        found: Dict[str, "Value"] = self._must(dict, what, "a mapping (name: value)")
-        return found
+        return self._must(dict, what, "a mapping (name: value)")
 
     def wrong_keys(
         self, what: str, allowed: Iterable[str], required: Iterable[str] = ()
@@ -71,8 +70,7 @@ class Value:
 
     def sequence(self, what: str) -> List["Value"]:
         """Return the list that this value must be."""
-        found: List["Value"] = self._must(list, what, "a list")
-        return found
+        return self._must(list, what, "a list")
 
     def number(self, what: str) -> float:
         """Return the finite number that this value must be."""
@@ -93,8 +91,7 @@ class Value:
 
     def flag(self, what: str) -> bool:
         """Return the true or false that this value must be."""
-        found: bool = self._must(bool, what, "true or false")
-        return found
+        return self._must(bool, what, "true or false")
 
     def string(self, what: str) -> str:
         """Return the text that this value must be; a number counts as it was written."""

@@ -73,8 +73,7 @@ def _numbers(value: Value, key: str, within: int = 2) -> Any:
     found = tuple(_numbers(item, f"an element of {key}", within - 1) for item in value.data)
     lengths = {len(each) if isinstance(each, tuple) else 0 for each in found}
     if len(lengths) != 1 or len(found) > LONGEST:
-        what = f"1 to {LONGEST} numbers, or rows of the same length"
-        raise value.error(f"{key} must have {what}")
+        raise value.error(f"{key} must have 1 to {LONGEST} numbers, or rows of the same length")
     return found
 
 
@@ -139,8 +138,9 @@ COUNTS: Keys = {
 def _checks(value: Value, key: str) -> Checks:
     for name, item in value.mapping(key).items():
         if name in VALUE_CHECKS:
-            what = f"{name} is about one value"
-            raise item.error(f"{what}: it stands with a property, under provides")
+            raise item.error(
+                f"{name} is about one value: it stands with a property, under provides"
+            )
     given = read_entry(value, key, {**MESSAGE_CHECKS, **COUNTS})
     counts = {name: given.pop(name) for name in COUNTS if name in given}
     checks = Checks(each=default_checks(of_values=False, asked=given), **counts)
@@ -213,8 +213,7 @@ def _deadline(value: Value, key: str) -> Union[float, AdaptiveDeadline]:
     if isinstance(value.data, dict):
         return AdaptiveDeadline(**read_entry(value, key, DEADLINE))
     allowed = "1 to 1e+06 periods, or {false_alarms: NUMBER}"
-    found: float = number_in(1.0, 1e6, allowed).read(value, key)
-    return found
+    return number_in(1.0, 1e6, allowed).read(value, key)
 
 
 def _placement(value: Value, key: str) -> Placement:

@@ -70,10 +70,9 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
     if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
         raise WrongSecret("its secret is another than ours")
     try:
-        found: Proof = _CODEC.from_text(text, "proof", "the proof")
+        return _CODEC.from_text(text, "proof", "the proof")
     except ShsaError as error:
         raise ShsaError("its proof is of another version") from error
-    return found
 
 
 def _signature(secret: bytes, asked: str, text: str) -> str:
