@@ -6,18 +6,7 @@ from collections import deque
 from datetime import datetime, timezone
 from typing import Any, Callable, Deque, Mapping, Optional, Sequence
 
-from shsa_core.journal.lines import (
-    ANSWER,
-    DIGEST,
-    END,
-    HEADER,
-    START,
-    VERSION,
-    create,
-    digest,
-    write_all,
-    write_line,
-)
+from shsa_core.journal import lines
 from shsa_core.journal.machines import machine_kind
 
 LIMIT_BYTES = 50_000_000
@@ -64,10 +53,12 @@ class JournalWriter:
         self._thread = threading.Thread(target=self._work, name="journal", daemon=True)
         self.recording = True
         try:
-            header = self._header(setup)
+            begun = datetime.now(timezone.utc).isoformat(timespec="seconds")
+            header = {lines.HEADER: lines.VERSION, "machine": machine, "begun": begun}
+            header["setup"] = self._kind.encode_setup(setup)
             _keep_former(path)
-            self._file = create(path)
-            self._write(header)
+            self._file = lines.create(path)
+            self._write(lines.write_line(header))
         except (OSError, TypeError, ValueError) as error:
             self._stop(str(error))
         else:
@@ -125,19 +116,19 @@ class JournalWriter:
 
     def _line(self, record: Any) -> bytes:
         if not isinstance(record, list):
-            return write_line(self._kind.events.encode(record))
-        names, told = digest(self._kind.commands, record)
-        return write_line({ANSWER: names, DIGEST: told})
+            return lines.write_line(self._kind.events.encode(record))
+        names, told = lines.digest(self._kind.commands, record)
+        return lines.write_line({lines.ANSWER: names, lines.DIGEST: told})
 
     def _write(self, data: bytes) -> None:
         assert self._file is not None
         self._size += len(data)
-        write_all(self._file, data)
+        lines.write_all(self._file, data)
 
     def _end(self, why: str) -> None:
         if self.recording:
             try:
-                self._write(write_line({END: why}))
+                self._write(lines.write_line({lines.END: why}))
             except OSError as error:
                 self._stop(str(error))
             self._close_file()
@@ -154,12 +145,6 @@ class JournalWriter:
             os.close(self._file)
             self._file = None
 
-    def _header(self, setup: Mapping[str, Any]) -> bytes:
-        begun = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        arguments = self._kind.encode_setup(setup)
-        name = self._kind.name
-        return write_line({HEADER: VERSION, "machine": name, "begun": begun, "setup": arguments})
-
 
 def _keep_former(path: str) -> None:
     """Rename a journal that is there already; what is no journal is left alone. Raises OSError."""
@@ -168,6 +153,6 @@ def _keep_former(path: str) -> None:
     if not stat.S_ISREG(os.lstat(path).st_mode):
         raise OSError("there is something that is no file")
     with open(path, "rb") as file:
-        if file.read(len(START)) != START:
+        if file.read(len(lines.START)) != lines.START:
             raise OSError("there is a file that is no journal")
     os.replace(path, path + ".1")

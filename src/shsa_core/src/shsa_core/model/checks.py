@@ -9,17 +9,8 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Iterable, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.language import temporal
+from shsa_core.model import samples
 from shsa_core.model.kinds import Kind
-from shsa_core.model.samples import (
-    FormSample,
-    FormulaSample,
-    IntruderSample,
-    OF_VALUE,
-    RateSample,
-    StampSample,
-    ValueSample,
-    WitnessSample,
-)
 
 Limit = Union[bool, float]
 LEARNED = 0.0
@@ -66,20 +57,20 @@ def judge(checks: Iterable[Check], sample: Any) -> Optional[Finding]:
 
 
 class NotANumber(Check):
-    kind, sample, default, usual = Kind.NOT_A_NUMBER, ValueSample, True, True
+    kind, sample, default, usual = Kind.NOT_A_NUMBER, samples.ValueSample, True, True
     tells = "the value is NaN or infinite; off by default for distances, see [Fields](#fields)"
 
-    def judge(self, sample: ValueSample) -> Optional[str]:
+    def judge(self, sample: samples.ValueSample) -> Optional[str]:
         if isfinite(sample.value):
             return None
         return f"{sample.name} is {sample.value}, a finite number is needed"
 
 
 class OutOfRange(Check):
-    kind, sample, default, usual = Kind.OUT_OF_RANGE, ValueSample, True, True
+    kind, sample, default, usual = Kind.OUT_OF_RANGE, samples.ValueSample, True, True
     tells = "the value is outside `range`"
 
-    def judge(self, sample: ValueSample) -> Optional[str]:
+    def judge(self, sample: samples.ValueSample) -> Optional[str]:
         if sample.range is None or not isfinite(sample.value):
             return None
         low, high = sample.range
@@ -89,10 +80,10 @@ class OutOfRange(Check):
 
 
 class Stuck(Check):
-    kind, sample, default, usual = Kind.STUCK, ValueSample, LEARNED, LEARNED
+    kind, sample, default, usual = Kind.STUCK, samples.ValueSample, LEARNED, LEARNED
     tells = "the value has not changed for this long, s; off for distances, and at `range`'s limits"
 
-    def judge(self, sample: ValueSample) -> Optional[str]:
+    def judge(self, sample: samples.ValueSample) -> Optional[str]:
         if not isfinite(sample.value):
             return None
         seen = f"{sample.name} is {sample.value:g} for {sample.still:.3f} s"
@@ -108,10 +99,10 @@ class Stuck(Check):
 
 
 class Jump(Check):
-    kind, sample, default, usual = Kind.JUMP, ValueSample, None, None
+    kind, sample, default, usual = Kind.JUMP, samples.ValueSample, None, None
     tells = "the value is further than this from the last good one, in the property's unit"
 
-    def judge(self, sample: ValueSample) -> Optional[str]:
+    def judge(self, sample: samples.ValueSample) -> Optional[str]:
         before = sample.last_good
         if before is None or not self.limit < abs(sample.value - before) < inf:
             return None
@@ -120,12 +111,12 @@ class Jump(Check):
 
 
 class Witness(Check):
-    kind, sample, default, usual = Kind.WITNESS, WitnessSample, None, LEARNED
+    kind, sample, default, usual = Kind.WITNESS, samples.WitnessSample, None, LEARNED
     tells = (
         "the value is further than this from what other nodes tell of it, or than errors explain"
     )
 
-    def judge(self, sample: WitnessSample) -> Optional[str]:
+    def judge(self, sample: samples.WitnessSample) -> Optional[str]:
         limit = sample.allowed if self.limit == LEARNED else self.limit
         if limit is None or sample.mean <= limit:
             return None
@@ -134,10 +125,10 @@ class Witness(Check):
 
 
 class RateHigh(Check):
-    kind, sample, default, usual = Kind.RATE_HIGH, RateSample, 1.5, 1.5
+    kind, sample, default, usual = Kind.RATE_HIGH, samples.RateSample, 1.5, 1.5
     tells = "messages come at more than this times the rate that `period` gives"
 
-    def judge(self, sample: RateSample) -> Optional[str]:
+    def judge(self, sample: samples.RateSample) -> Optional[str]:
         allowed = self.limit / (sample.fastest or sample.period)
         if sample.count <= allowed * sample.longest:
             return None
@@ -146,10 +137,10 @@ class RateHigh(Check):
 
 
 class RateLow(Check):
-    kind, sample, default, usual = Kind.RATE_LOW, RateSample, 0.6, 0.6
+    kind, sample, default, usual = Kind.RATE_LOW, samples.RateSample, 0.6, 0.6
     tells = "messages come at less than this times the rate that `period` gives"
 
-    def judge(self, sample: RateSample) -> Optional[str]:
+    def judge(self, sample: samples.RateSample) -> Optional[str]:
         needed = self.limit / sample.period
         if sample.count >= needed * sample.shortest:
             return None
@@ -158,10 +149,10 @@ class RateLow(Check):
 
 
 class StaleStamp(Check):
-    kind, sample, default, usual = Kind.STALE_STAMP, StampSample, LEARNED, LEARNED
+    kind, sample, default, usual = Kind.STALE_STAMP, samples.StampSample, LEARNED, LEARNED
     tells = "the stamp is older than this at arrival, s; a stamp of zero is not judged"
 
-    def judge(self, sample: StampSample) -> Optional[str]:
+    def judge(self, sample: samples.StampSample) -> Optional[str]:
         oldness = sample.age - sample.waited
         if self.limit != LEARNED:
             if oldness <= self.limit:
@@ -175,10 +166,10 @@ class StaleStamp(Check):
 
 
 class FutureStamp(Check):
-    kind, sample, default, usual = Kind.FUTURE_STAMP, StampSample, LEARNED, LEARNED
+    kind, sample, default, usual = Kind.FUTURE_STAMP, samples.StampSample, LEARNED, LEARNED
     tells = "the stamp is newer than this at arrival, s"
 
-    def judge(self, sample: StampSample) -> Optional[str]:
+    def judge(self, sample: samples.StampSample) -> Optional[str]:
         if self.limit != LEARNED:
             if -sample.age <= self.limit:
                 return None
@@ -189,26 +180,26 @@ class FutureStamp(Check):
         return _unusual(sample.age, sample)
 
 
-def _unusual(age: float, sample: StampSample) -> str:
+def _unusual(age: float, sample: samples.StampSample) -> str:
     usual = f"{sample.usual:.3f} s are usual, {sample.allowed:g} s more or less allowed"
     return f"the stamp is {age:.3f} s old, {usual}"
 
 
 class Frame(Check):
-    kind, sample, default, usual = Kind.FRAME, FormSample, True, True
+    kind, sample, default, usual = Kind.FRAME, samples.FormSample, True, True
     tells = "`frame_id` or `child_frame_id` is not that which all of the first 50 messages had"
 
-    def judge(self, sample: FormSample) -> Optional[str]:
+    def judge(self, sample: samples.FormSample) -> Optional[str]:
         if isinstance(sample.found, int) or sample.found == sample.usual:
             return None
         return f"{sample.name} is {sample.found!r}, and was {sample.usual!r}"
 
 
 class Length(Check):
-    kind, sample, default, usual = Kind.LENGTH, FormSample, True, True
+    kind, sample, default, usual = Kind.LENGTH, samples.FormSample, True, True
     tells = "an array is shorter than it was in all of the first 50 messages"
 
-    def judge(self, sample: FormSample) -> Optional[str]:
+    def judge(self, sample: samples.FormSample) -> Optional[str]:
         found, usual = sample.found, sample.usual
         if isinstance(found, str) or isinstance(usual, str) or found >= usual or usual == 1:
             return None  # one thing that was seen, and then none, is no fault
@@ -219,7 +210,7 @@ class Length(Check):
 class Formula(Check):
     """Its limit is the text of a formula, see `language/temporal`."""
 
-    kind, sample, default, usual = Kind.FORMULA, FormulaSample, None, None
+    kind, sample, default, usual = Kind.FORMULA, samples.FormulaSample, None, None
     tells = "the formula over its values is false, see [Formulas](#formulas)"
 
     limit: str  # type: ignore[assignment]
@@ -229,7 +220,7 @@ class Formula(Check):
         """The formula."""
         return temporal.parse_formula(self.limit)
 
-    def judge(self, sample: FormulaSample) -> Optional[str]:
+    def judge(self, sample: samples.FormulaSample) -> Optional[str]:
         if sample.holds is not False:
             return None
         seen = ", ".join(f"{name} is {value:g}" for name, value in sample.values)
@@ -237,10 +228,10 @@ class Formula(Check):
 
 
 class UnknownPublisher(Check):
-    kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, IntruderSample, 1.0, 1.0
+    kind, sample, default, usual = Kind.UNKNOWN_PUBLISHER, samples.IntruderSample, 1.0, 1.0
     tells = "another publisher is beside `node` or its substitute for this long, s"
 
-    def judge(self, sample: IntruderSample) -> Optional[str]:
+    def judge(self, sample: samples.IntruderSample) -> Optional[str]:
         if sample.lasted <= self.limit:
             return None
         seen = f"it publishes beside {', '.join(sample.rightful)} for {self.limit:g} s"
@@ -256,7 +247,8 @@ The first that finds something tells its kind.
 BY_VALUE = tuple(
     Kind(name)
     for name, check in REGISTRY.items()
-    if check.sample in (*OF_VALUE, StampSample, FormSample, FormulaSample)
+    if check.sample
+    in (*samples.OF_VALUE, samples.StampSample, samples.FormSample, samples.FormulaSample)
 )
 """The failures that single messages show: by what they say, not by when they come."""
 
@@ -270,7 +262,7 @@ def default_checks(
     limits = [
         (each, asked.get(name, default_limit(name, is_distance)))
         for name, each in REGISTRY.items()
-        if (each.sample in OF_VALUE) is of_values
+        if (each.sample in samples.OF_VALUE) is of_values
     ]
     return tuple(each(limit) for each, limit in limits if limit is not None)
 

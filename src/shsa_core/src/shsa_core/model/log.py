@@ -7,7 +7,6 @@ from shsa_core.model.kinds import Word
 class Level(Word):
     """The urgency of a line of the log."""
 
-    DEBUG = "debug"
     INFO = "info"
     WARN = "warn"
     ERROR = "error"

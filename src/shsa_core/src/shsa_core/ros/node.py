@@ -25,7 +25,6 @@ Handle = Callable[[Any], Sequence[Any]]
 Tell = Callable[[Any], None]
 """Publishes a message to one subscriber alone."""
 LOG: Dict[Level, Callable[..., None]] = {
-    Level.DEBUG: rospy.logdebug,
     Level.INFO: rospy.loginfo,
     Level.WARN: rospy.logwarn,
     Level.ERROR: rospy.logerr,
