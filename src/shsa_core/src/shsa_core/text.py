@@ -2,10 +2,8 @@
 import difflib
 from typing import Iterable
 
-LONGEST = 1000
-"""Characters of a text that are shown, where nothing else is said."""
-LONGEST_LINE = 10_000
-"""The same for a line that is ours, and quotes such texts."""
+LONGEST = 1000  # characters of a text that are shown, where nothing else is said
+LONGEST_LINE = 10_000  # the same for a line that is ours, and quotes such texts
 
 
 def shown(text: object, most: int = LONGEST) -> str:

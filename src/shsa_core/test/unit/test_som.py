@@ -288,7 +288,7 @@ def test_who_provides_what_on_a_shared_topic() -> None:
     assert som.service_of("/t", "/n") is v and som.service_of("/t", "/m") is w
     assert som.service_of("/t", "/stranger") is som.service_of("/x", "/n") is None
     assert Som([v]).service_of("/t", "/stranger") is v
-    deadlines = Deadlines(periods=5.0, minimum=0.25)
+    deadlines = Deadlines(minimum=0.25)
     assert som.signal(v.sources[0], deadlines) == Signal(
         "/t", "data", "std_msgs/Float64", "/n", 1.0, 5.0
     )
@@ -334,10 +334,10 @@ def test_a_deadline_that_is_learned_outlasts_the_parameter_server() -> None:
 
 def test_how_long_a_service_may_be_silent() -> None:
     (service,) = som_of(changed("period", 0.01))
-    assert Deadlines(5.0, 0.25).of(service) == 0.25
-    assert Deadlines(50.0, 0.25).of(service) == 0.5
+    assert Deadlines(0.25).of(service) == 0.25
+    assert Deadlines(0.02).of(service) == 0.05
     (service,) = som_of(changed("deadline", 2))
-    assert Deadlines(5.0, 0.25).of(service) == 0.2
+    assert Deadlines(0.25).of(service) == 0.2
     (service,) = som_of(changed("period", "none"))
     assert Deadlines().of(service) is None
 

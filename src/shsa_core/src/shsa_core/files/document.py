@@ -176,7 +176,6 @@ def from_parameters(value: object, where: str, depth: int = 0) -> Value:
 
 
 def _value(event: yaml.Event, events: Iterator[yaml.Event], name: str, depth: int) -> Value:
-    """Return what an event begins."""
     where = _where(event, name)
     if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
         raise ModelError(where, "anchors (&) and aliases (*) are not allowed")

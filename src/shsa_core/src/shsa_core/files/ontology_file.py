@@ -64,13 +64,10 @@ class _Place(NamedTuple):
             raise value.error(f"{key}: {error}") from error
 
     def read_all(self, values: Mapping[str, Value], key: str) -> Dict[str, Expression]:
-        """Return the expressions under some names."""
         return {name: self.read(value, f"{key}: {name}") for name, value in values.items()}
 
 
 class _Reader:
-    """Collects what is valid and what is wrong."""
-
     def __init__(self, errors: List[ModelError]) -> None:
         self.properties: Dict[str, Property] = {}
         self.constants: Dict[str, Constant] = {}
@@ -89,7 +86,6 @@ class _Reader:
             self._said.update(map(str, error.errors))  # each element says the same
 
     def add_property(self, name: str, value: Value) -> None:
-        """Add an entry of `properties`."""
         self._check_name(name, value, self.constants)
         given = {}
         if value.data is not None:
@@ -108,7 +104,6 @@ class _Reader:
             self.properties.setdefault(each, Property(each, where=value.where, **given))
 
     def add_constant(self, name: str, value: Value) -> None:
-        """Add an entry of `constants`."""
         self._check_name(name, value, self.properties)
         given = read_entry(value, f"the constant {name}", CONSTANT)
         self._add_numbers(name, given.pop("value"), given, value)
@@ -138,7 +133,6 @@ class _Reader:
         return names
 
     def add_relation(self, relation: str, outputs: Value) -> None:
-        """Add an entry of `relations`, in all its directions."""
         if not is_name(relation):
             raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
         directions = dict(outputs.mapping(f"the relation {relation}"))

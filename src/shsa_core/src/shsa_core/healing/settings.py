@@ -20,7 +20,6 @@ class Settings:
     minimum_deadline: float = Deadlines.minimum  # as the monitor's: after it a value is stale
 
     # What tests and benches set.
-    deadline: float = Deadlines.periods  # in periods, as the monitor's
     hold_off_limit: float = 60.0  # that `hold_off` doubles up to
     relapse: float = 5.0  # times `hold_off`: a node that fails so soon after its return relapses
     restarts: int = 2  # times that a substitute that died is started again with the same plan
@@ -34,7 +33,7 @@ class Settings:
     @property
     def deadlines(self) -> Deadlines:
         """Return when values are stale."""
-        return Deadlines(self.deadline, self.minimum_deadline)
+        return Deadlines(self.minimum_deadline)
 
     def held_off(self, times: int) -> float:
         """Return the hold-off in s of what has relapsed so many times."""

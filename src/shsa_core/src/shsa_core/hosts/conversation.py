@@ -116,9 +116,8 @@ class RemoteHost:
         if message.session < self._session or (ours and message.number < expected):
             return  # it is of a former conversation, or was heard before
         if not ours or message.number > expected:
-            self._begin(
-                now, f"the agent of {self.name} began anew, or was not heard", message.session
-            )
+            why = f"the agent of {self.name} began anew, or was not heard"
+            self._begin(now, why, message.session)
             return
         self._heard_at, self._left = now, False
         self._heard, self._confirmed = message.number, message.heard

@@ -224,10 +224,7 @@ def _descent(type_: Any) -> List[Any]:
 @lru_cache(maxsize=None)
 def _fields(type_: Any) -> Dict[str, Read]:
     hints = get_type_hints(type_)
-    try:
-        return {f.name: _reader(hints[f.name]) for f in dataclasses.fields(type_) if f.init}
-    except TypeError as error:
-        raise TypeError(f"{type_.__name__}: {error}") from error
+    return {f.name: _reader(hints[f.name]) for f in dataclasses.fields(type_) if f.init}
 
 
 def _read_float(data: Any, path: str) -> Any:

@@ -9,8 +9,7 @@ from typing import Any, Callable, Deque, Mapping, Optional, Sequence
 from shsa_core.journal import lines
 from shsa_core.journal.machines import machine_kind
 
-LIMIT_BYTES = 50_000_000
-"""Of a file."""
+LIMIT_BYTES = 50_000_000  # of a file
 WRITE_PERIOD_S = 0.2
 """Pause between writes: a kill loses at most what was recorded in it."""
 WAITING = 100_000

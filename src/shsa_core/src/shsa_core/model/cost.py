@@ -32,8 +32,7 @@ MESSAGE_BYTES: Dict[str, int] = {
     "geometry_msgs/PoseStamped": 80,
 }
 """A message of each type in bytes, serialized, with a frame's name of 8 letters."""
-OTHER_BYTES = 256
-"""A message of any other type."""
+OTHER_BYTES = 256  # of a message of any other type
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from shsa_core.text import short
 
 REDUCTIONS = ("min", "max", "mean", "count")
 ANGLES = ("roll", "pitch", "yaw")
-LONGEST = 255
-"""Characters of a field."""
+LONGEST = 255  # characters of a field
 
 _FUNCTION = re.compile(r"(\w+)\((.*)\)\Z", re.ASCII | re.DOTALL)
 _STEP = re.compile(

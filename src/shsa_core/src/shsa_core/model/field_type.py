@@ -69,7 +69,6 @@ def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
 
 
 def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
-    """Return the type that a step leads to."""
     if "/" not in kind:
         raise ShsaError(f"a {kind} has no fields")
     fields = layout(kind)
@@ -91,7 +90,6 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
 
 
 def _highest(step: Step) -> Optional[int]:
-    """Return the highest place of an array that a step names; None if it names none."""
     if isinstance(step.part, int):
         return step.part
     if isinstance(step.part, Span) and step.part.stop is not None:

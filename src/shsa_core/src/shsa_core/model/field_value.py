@@ -144,7 +144,6 @@ class Field:
             self._put(owner, last, plain)
 
     def _inner(self, owner: Any, step: Step) -> Any:
-        """Return the message that a step leads to; it must be there."""
         found = _entered(owner, step)
         if found is None:
             raise ShsaError(f"{self._parsed}: the message has no {step}, and no other one is known")

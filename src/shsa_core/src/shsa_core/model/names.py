@@ -38,8 +38,7 @@ class RecentNames:
         """Keep a name; of the older ones those that are `used` stay."""
         self._names[name] = None
         if len(self._names) > 2 * KEPT + len(used):
-            old = list(self._names)[:-KEPT]
-            for each in old:
+            for each in list(self._names)[:-KEPT]:
                 if each not in used:
                     del self._names[each]
 

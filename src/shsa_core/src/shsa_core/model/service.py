@@ -268,14 +268,13 @@ class Signal:
 class Deadlines:
     """The silence that a service is allowed, if it has no deadline of its own.
 
-    That is `periods`, but at least `minimum` s.
-
-    A healthy stream of a 10 ms period has gaps of 53 ms on a loaded machine.
+    That is PERIODS, but at least `minimum` s: a healthy stream of a 10 ms period has gaps of 53 ms
+    on a loaded machine.
     """
 
-    periods: float = 5.0
     minimum: float = 0.25
 
+    PERIODS: ClassVar[float] = 5.0
     ADAPTIVE: ClassVar[float] = 4.0
     """A deadline that is learned is so many times that of others at most."""
 
@@ -287,7 +286,7 @@ class Deadlines:
         if service.period is None:
             return None
         if service.deadline is None or isinstance(service.deadline, AdaptiveDeadline):
-            return max(self.periods * service.period, self.minimum)
+            return max(self.PERIODS * service.period, self.minimum)
         return service.deadline * service.period
 
     def longest(self, service: Service) -> Optional[float]:

@@ -18,7 +18,7 @@ class Settings:
     @property
     def deadlines(self) -> Deadlines:
         """The silence that services are allowed."""
-        return Deadlines(minimum=self.minimum_deadline)
+        return Deadlines(self.minimum_deadline)
 
 
 # Alibis.

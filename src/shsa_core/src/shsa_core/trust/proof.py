@@ -6,8 +6,7 @@ from typing import FrozenSet, Sequence
 from shsa_core.errors import ShsaError
 from shsa_core.journal.codec import Codec
 
-LONGEST = 1 << 16
-"""Characters of a proof."""
+LONGEST = 1 << 16  # characters of a proof
 
 
 class WrongSecret(ShsaError):

@@ -180,4 +180,4 @@ def largest_age(series: Series, som: Optional[Som] = None) -> float:
     if service is not None:
         deadline = Deadlines().of(service)
         return math.inf if deadline is None else deadline
-    return max(Deadlines.periods * series.interval, Deadlines.minimum)
+    return max(Deadlines.PERIODS * series.interval, Deadlines.minimum)
