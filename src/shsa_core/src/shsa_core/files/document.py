@@ -2,7 +2,6 @@
 import math
 import re
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, Dict, Iterable, Iterator, List, Tuple, Union
 
 import yaml  # type: ignore[import]
@@ -26,10 +25,8 @@ _WORDS: Dict[str, Union[None, bool, float]] = {
 }
 
 
-class Foreign(Enum):
+class Foreign:
     """The content of a value that no file can have."""
-
-    FOREIGN = "foreign"
 
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -37,7 +34,7 @@ _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 @dataclass(frozen=True)
 class Value:
-    """One value: nothing, a flag, a number, a text, a list or a mapping, or FOREIGN.
+    """One value: nothing, a flag, a number, a text, a list or a mapping, or Foreign.
 
     `text` is how a plain value was written, or what a foreign one is.
     """
@@ -154,7 +151,7 @@ def _quoted(rest: str) -> str:
 def from_parameters(value: object, where: str, depth: int = 0) -> Value:
     """Return a value of the parameter server, which has the name `where`, as a Value."""
     if depth > MAX_DEPTH:
-        return Value(where, Foreign.FOREIGN, f"nested more than {MAX_DEPTH} deep")
+        return Value(where, Foreign(), f"nested more than {MAX_DEPTH} deep")
     if isinstance(value, dict):
         items = value.items()
         return Value(
@@ -172,7 +169,7 @@ def from_parameters(value: object, where: str, depth: int = 0) -> Value:
             return Value(where, math.inf, repr(value))
     if isinstance(value, str):
         return Value(where, value, value)
-    return Value(where, Foreign.FOREIGN, f"a {type(value).__name__}")
+    return Value(where, Foreign(), f"a {type(value).__name__}")
 
 
 def _value(event: yaml.Event, events: Iterator[yaml.Event], name: str, depth: int) -> Value:

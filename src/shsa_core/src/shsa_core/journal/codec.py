@@ -105,9 +105,6 @@ def _members(hint: Any) -> Tuple[Any, ...]:
     return members(hint) if many else (hint,)
 
 
-# Writing.
-
-
 def _write(value: Any) -> Any:
     kind: Any = type(value)
     return _writer(kind)(value)
@@ -135,9 +132,6 @@ def _writer(type_: Any) -> Write:
         head = {CLASS: type_.__name__}
         return lambda value: {**head, **{name: _write(getattr(value, name)) for name in names}}
     raise TypeError(f"{type_.__name__} has no form in JSON")
-
-
-# Reading.
 
 
 @lru_cache(maxsize=None)

@@ -69,8 +69,7 @@ class Growth:
     """The growth of one value's error.
 
     It may be wrong where another derivation parts from it by more than their errors, and where it
-    is beyond what was seen. What lasts for `rises` s is believed, and forgotten
-    in `falls` s.
+    is beyond what was seen. What lasts for `rises` s is believed, and forgotten in `falls` s.
     """
 
     def __init__(self, rises: float, falls: float) -> None:

@@ -94,9 +94,9 @@ def _log_prime(prime: int) -> int:
 class Network:
     """Functions and properties by numbers, counted from 0.
 
-    Function f yields the property `outputs[f]` from the properties `inputs[f]` with the quality
-    `qualities[f]`, which costs `costs[f]`. The functions of property p are `functions_of[p]`, in
-    the order of their relations' names.
+    Function f yields the property `outputs[f]` from the properties `inputs[f]` with a quality that
+    costs `costs[f]`. The functions of property p are `functions_of[p]`, in the order of their
+    relations' names.
     """
 
     def __init__(self, graph: nx.DiGraph) -> None:
@@ -104,7 +104,6 @@ class Network:
         self.names: List[str] = [node for node, kind in kinds if kind == "property"]
         self.functions: List[TransferFunction] = []
         self.costs: List[int] = []
-        self.qualities: List[float] = []
         self.outputs: List[int] = []
         self.inputs: List[Tuple[int, ...]] = []
         self.functions_of: List[range] = []
@@ -115,7 +114,6 @@ class Network:
                 function = graph.nodes[node]["function"]
                 self.functions.append(function)
                 self.costs.append(cost(function.quality))
-                self.qualities.append(function.quality)
                 self.outputs.append(number)
                 self.inputs.append(tuple(self._numbers[each] for each in graph.predecessors(node)))
             self.functions_of.append(range(first, len(self.functions)))

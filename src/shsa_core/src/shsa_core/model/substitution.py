@@ -35,8 +35,8 @@ class Substitution:
     for was only silent. `bridge`: the silence in s of others after which it fills in while it is
     muted, 0: it does not; an idle process takes a topic over by itself after such a silence of the
     reconfigurator. `gated`: it publishes always, a gate chooses. `shared`: other substitutes run in
-    the same node, and have rows of their own.
-    `template`: a message of the original when it was well, serialized; empty: not known.
+    the same node, and have rows of their own. `template`: a message of the original when it was
+    well, serialized; empty: not known.
     """
 
     node: str

@@ -40,7 +40,7 @@ class Ratings:
         network, known = self._network, self._ratings.get
         relations, leaves, lost = 1, 0, False
         price: float = network.costs[function]
-        quality = network.qualities[function]
+        quality = network.functions[function].quality
         for number in network.inputs[function]:
             cost, uses, inputs, by, part = known(number) or self[number]
             if by < SOURCE:
