@@ -4,13 +4,13 @@ from typing import Dict
 
 import pytest
 
-from shsa_core.analysis import budget
-from shsa_core.analysis.budget import budgets, check_budgets
 from shsa_core.healing.settings import Settings
 from shsa_core.model.checks import Checks, Stuck
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.service import AdaptiveDeadline, Provision, Service
 from shsa_core.model.som import Som
+from shsa_core.analysis import budget
+from shsa_core.analysis.budget import budgets, check_budgets
 
 RANGED = Provision("x", "data", range=(0.0, 1.0))
 FAST = Service("x", "/x", "pkg/T", "/n", 0.02, (RANGED,), needed=True, contain=Contain.NODE)

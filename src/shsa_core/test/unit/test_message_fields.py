@@ -21,7 +21,7 @@ from shsa_core.model.service import Provision, Service  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
 from shsa_core.model.field_value import Field, problem  # noqa: E402
 from shsa_core.ros.messages.fields import Decoder  # noqa: E402
-from shsa_core.analysis.type_check import mark_unusable  # noqa: E402
+from shsa_core.analysis.check import mark_unusable  # noqa: E402
 
 NAN = math.nan
 

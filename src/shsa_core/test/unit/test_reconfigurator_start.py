@@ -7,41 +7,12 @@ from typing import Any, List
 import pytest
 
 from shsa_core.errors import ModelError
-from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Host
-from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
 reconfigurator = pytest.importorskip("shsa_core.ros.reconfigurator")
 
 SOM = Som([], [Host("board"), Host("pi")])
-
-
-class Enough(Exception):
-    """The rest of the start is of no interest."""
-
-
-def test_placements_are_checked_as_seen_from_the_computer_that_it_runs_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    told: List[Any] = []
-
-    def check(*arguments: Any) -> None:
-        told.extend(arguments)
-        raise Enough
-
-    ontology = Ontology({}, {}, [])
-    monkeypatch.setattr(reconfigurator, "Signing", lambda _: None)
-    monkeypatch.setattr(reconfigurator, "read_models", lambda *_: (ontology, SOM))
-    monkeypatch.setattr(reconfigurator.type_check, "mark_unusable", lambda som: (som, []))
-    monkeypatch.setattr(reconfigurator.schedulability, "check_placements", check)
-    monkeypatch.setattr(reconfigurator.rospy, "get_param", lambda *_: {})
-    arguments = Namespace(
-        secret="", ontology="", som="", dry_run=False, restart_as_root=True, host="board"
-    )
-    with pytest.raises(Enough):
-        reconfigurator.ReconfiguratorNode(arguments, None)
-    assert told == [ontology, SOM, Settings(), "board"]
 
 
 def test_agents_that_the_master_cannot_tell_of_us_are_told() -> None:

@@ -2,9 +2,7 @@
 import re
 from typing import Any, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
-from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.check import Finding, check_names, check_ontology
-from shsa_core.analysis.schedulability import check_placements, takeovers
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, listed
@@ -18,8 +16,10 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import SourceTable
+from shsa_core.analysis.budget import check_budgets
 from shsa_learning.ranges.analysis import find_troubles, narrowed
 from shsa_learning.ranges.interval import Interval
+from shsa_learning.schedulability import check_placements, takeovers
 from shsa_learning.type_check import check_healable, check_types
 
 SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values

@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 import pytest
 
 from shsa_learning.cli import plot
-from shsa_core.analysis.schedulability import check_placements
 from shsa_core.cli.main import main
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import Provision, Service
+from shsa_learning.schedulability import check_placements
 
 
 DATA = pathlib.Path(__file__).resolve().parents[3] / "shsa_core" / "test" / "unit" / "data"

@@ -5,13 +5,13 @@ from typing import List
 import pytest
 from shsa_testing.models import law, ontology, source
 
-from shsa_core.analysis.schedulability import check_placements
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Host, cost, idle_cost, traffic
 from shsa_core.model.service import Placement, Service
 from shsa_core.model.kinds import Policy, Standby
 from shsa_core.model.som import Som
 from shsa_learning.check import check_model
+from shsa_learning.schedulability import check_placements
 
 ROBOT = ontology(law("rolling", "speed", "left"), law("turning", "turn", "left"))
 SPEED = replace(source("speed", "/speed", "/drive", needed=True).service, host="board", period=0.02)

@@ -1,12 +1,16 @@
-"""Finds what makes a model invalid: units, functions and names."""
-from dataclasses import dataclass
-from typing import Dict, Iterator, List, Optional, Union
+"""Finds what makes a model invalid, or cannot be read or written on this computer."""
+from dataclasses import dataclass, replace
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
+from shsa_core import message_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, ModelErrors, UnitError
 from shsa_core.language.units import Unit, parse_unit
+from shsa_core.model.conventions import with_unknowns
+from shsa_core.model.field_value import problem
 from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
 
@@ -96,3 +100,36 @@ def check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
 
 def _name(function: TransferFunction) -> str:
     return f"{function.relation} for {function.output}"
+
+
+class Problem(NamedTuple):
+    """Something that cannot be used; `needed`: it would have to be healed."""
+
+    text: str
+    needed: bool
+
+
+def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
+    """Return the SOM with a mark at all that cannot be used here, and what that is.
+
+    What is not marked is used and healed as ever.
+    """
+    problems: List[Problem] = []
+    som = with_unknowns(som, message_types.layout)
+    return som.with_services(_marked(service, problems) for service in som), problems
+
+
+def _marked(service: Service, problems: List[Problem]) -> Service:
+    provides: List[Provision] = []
+    unwritable = ""
+    for each in service.provides:
+        unreadable = problem(service.type, each.field, False)
+        unwritable = unwritable or problem(service.type, each.field, True)
+        provides.append(replace(each, unreadable=unreadable))
+        if unreadable:
+            text = f"{service.name}: {each.property} is not read: {unreadable}"
+            problems.append(Problem(text, needed=False))
+    if service.needed and service.policy.plans and unwritable:
+        text = f"{service.name} is needed, and cannot be substituted: {unwritable}"
+        problems.append(Problem(text, needed=True))
+    return replace(service, provides=tuple(provides), unwritable=unwritable)

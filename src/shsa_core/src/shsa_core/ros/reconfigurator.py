@@ -16,7 +16,7 @@ import rospy
 from shsa_msgs import msg
 
 from shsa_core import dispatch
-from shsa_core.analysis import budget, check, duties, schedulability, type_check
+from shsa_core.analysis import budget, check, duties
 from shsa_core.analysis.registrations import Part
 from shsa_core.errors import ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
@@ -66,7 +66,7 @@ class ReconfiguratorNode:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._reloading = threading.Lock()
-        self._said: List[type_check.Problem] = []
+        self._said: List[check.Problem] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
         parameters = read_parameters(Settings)
@@ -83,8 +83,7 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        unfit = schedulability.check_placements(ontology, som, parameters, arguments.host)
-        for finding in (*budget.check_budgets(som, parameters), *unfit):
+        for finding in budget.check_budgets(som, parameters):
             rospy.logwarn("%s", finding)
         self._core = Reconfigurator(**setup)
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
@@ -224,7 +223,7 @@ class ReconfiguratorNode:
 
     def _usable(self, som: Som) -> Som:
         """The SOM as far as it can be used here; what cannot be is said once."""
-        marked, problems = type_check.mark_unusable(som)
+        marked, problems = check.mark_unusable(som)
         for problem in problems:
             if problem not in self._said:
                 LOG[Level.ERROR if problem.needed else Level.WARN]("%s.", problem.text)

@@ -1,10 +1,10 @@
 """Tells of a draft by which nothing can be healed what is in the way."""
 from typing import List
 
-from shsa_core.analysis.schedulability import takeovers
 from shsa_core.errors import GenerationError, NoSubstitute, listed
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_learning.schedulability import takeovers
 
 MOST_SERVICES = 20
 

@@ -10,7 +10,6 @@ from shsa_learning.report.failures import Failures
 from shsa_learning.report.remedies import Remedies
 from shsa_learning.report.report import Alternative, Cut, NodeReport, Report, ServiceReport
 from shsa_learning.report.report import Survival, survival
-from shsa_core.analysis.schedulability import check_placements, takeovers
 from shsa_core.codegen.choice import ordered
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute
@@ -20,6 +19,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.derivation import LOST, Derivation, rate_source
 from shsa_core.search.best import Ratings
+from shsa_learning.schedulability import check_placements, takeovers
 
 Nodes = FrozenSet[str]
 

@@ -21,7 +21,7 @@ from shsa_core.ros.incidents import log_path
 from shsa_core.ros.master.node_api import FAILURES, master_api, pid
 from shsa_core.analysis.registrations import read_pairs
 from shsa_core.ros.master.som_parameter import get_som_parameter
-from shsa_core.analysis.type_check import mark_unusable
+from shsa_core.analysis.check import mark_unusable
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust import owners, secret
 from shsa_learning.doctor import Seen
