@@ -1,10 +1,11 @@
 """Drives a substitute's core through made-up time, and holds its invariants after every event."""
-from typing import Any, FrozenSet, List, Optional, Tuple, Type
+from typing import Any, FrozenSet, List, Optional, Sequence, Tuple, Type
 
 from shsa_core.model.service import Signal
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.machine import Substitute
+from shsa_core.substitution.voice import Voice
 
 PERIOD = 0.02
 DEADLINE = 0.25
@@ -45,6 +46,27 @@ def idle(inputs: Tuple[Signal, ...] = (), outputs: Tuple[Signal, ...] = ()) -> S
     return Substitution(NAME, "", inputs, "", outputs)
 
 
+def check(core: Substitute, said: Sequence[Any]) -> None:
+    """Hold what must be so after every event, to which the core has said this."""
+    job, now, handover = core._job, core._now, core._handover
+    published = [each for each in said if isinstance(each, events.Publish)]
+    looked = any(isinstance(each, events.LookAtOriginal) for each in said)
+    assert len(published) <= 1
+    assert core.next_deadline > now, "all that is due has been said"
+    if core._voice is Voice.MUTED:
+        assert not published
+        assert not (handover.original or handover.served or looked), "it replaces a node, muted"
+    for each in published:
+        assert core._advertising.ready(each.outputs[0].topic)
+        assert job is not None and not job.unstarted, "it integrates from nobody knows where"
+        assert each.stamp == core._stamps.latest(job.topic)
+    if job is not None:
+        assert core.reads_at > now or core._values() is None, "what is due is done, if it can be"
+        listens = core._readings._readings
+        assert all((each.field, each.node) in listens[each.topic] for each in job.inputs)
+        assert job.topic in core.topics
+
+
 class Driver:
     """One substitute from `start` on; `said` is every command with its time."""
 
@@ -57,7 +79,7 @@ class Driver:
     def tell(self, event: Type[Any], *arguments: Any) -> List[Any]:
         """An event now; the commands that it calls for."""
         commands = self.core.handle(event(self.time, *arguments))
-        self.core.validate()
+        check(self.core, commands)
         self.said += [(self.time, command) for command in commands]
         return commands
 

@@ -4,7 +4,7 @@ from typing import Any, Dict, List, Set
 
 import pytest
 from core_robot import Robot, function, has, only, publishing, service
-from substitute_driver import CODE, PERIOD, signal
+from substitute_driver import CODE, PERIOD, check, signal
 from test_succession import succeed
 
 from shsa_core.healing import events as healing
@@ -180,7 +180,9 @@ class Process:
     def tell(self, event: Any, *arguments: Any) -> List[Any]:
         """An event now; what it calls for."""
         said = self.core.handle(event(self.time, *arguments))
-        self.core.validate()
+        for core in self.core._cores.values():
+            published = [each for each in said if isinstance(each, events.Publish)]
+            check(core, [each for each in published if each.outputs[0].topic in core.topics])
         return said
 
     def run(self, seconds: float) -> List[Any]:

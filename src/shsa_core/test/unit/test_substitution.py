@@ -20,10 +20,8 @@ from substitute_driver import (
     values,
 )
 
-from shsa_core.errors import ShsaError
 from shsa_core.model.log import Level
 from shsa_core.substitution import events
-from shsa_core.substitution.machine import Substitute
 from shsa_core.substitution.settings import REST_S
 
 DERIVATIVE = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0);\ny=t1"
@@ -396,15 +394,6 @@ def test_messages_come_before_all_other_work() -> None:
     driver.arrive(1.0)
     first, *others = driver.change(row(publishing=True, original="/node"))
     assert isinstance(first, events.Publish) and only(others, events.Publish) == []
-
-
-def test_a_broken_invariant_is_named() -> None:
-    core = Substitute()
-    core.handle(events.RowChanged(0.0, row(publishing=False)))
-    core.validate()
-    core._said = [events.Publish((OUT,), (1.0,))]
-    with pytest.raises(ShsaError, match="muted, it publishes nothing"):
-        core.validate()
 
 
 def test_an_equal_story_is_told_with_equal_commands() -> None:

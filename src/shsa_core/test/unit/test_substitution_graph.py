@@ -258,7 +258,6 @@ def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_com
     commands += core.handle(events.PlansChanged(3.0, (Substitution("", "b", (fine,), "", ()),)))
     listened = [each.inputs for each in commands if isinstance(each, events.Listen)]
     assert listened == [(fine,)]
-    core.validate()
 
 
 def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:

@@ -118,7 +118,6 @@ def test_a_value_counts_up_to_its_deadline() -> None:
     inputs = Readings()
     assert inputs.listen([IN, IN]) == (IN,)
     assert inputs.listen([IN]) == ()
-    assert inputs.listens(IN) and not inputs.listens(OUT)
     assert inputs.values([IN], 0.0) is None
     take(
         inputs,

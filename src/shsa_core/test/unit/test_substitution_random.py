@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Optional, Set, Tuple
 
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
-from substitute_driver import CODE, DEADLINE, NAME, signal
+from substitute_driver import CODE, DEADLINE, NAME, check, signal
 
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
@@ -52,11 +52,12 @@ class AnySubstitute(RuleBasedStateMachine):
 
     def hear(self, event: events.Event) -> None:
         """Hand over an event, and check every command against the model."""
-        for command in self.core.handle(event):
-            check = getattr(self, "on_" + type(command).__name__, None)
-            if check is not None:
-                check(command)
-        self.core.validate()
+        commands = self.core.handle(event)
+        for command in commands:
+            look = getattr(self, "on_" + type(command).__name__, None)
+            if look is not None:
+                look(command)
+        check(self.core, commands)
 
     def on_Listen(self, command: events.Listen) -> None:
         for each in command.inputs:

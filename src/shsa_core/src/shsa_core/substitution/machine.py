@@ -43,7 +43,6 @@ class Substitute:
         self._plans: Dict[str, Substitution] = {}
         self._unusable: Dict[Signal, str] = {}
         self._wanted = math.inf  # when it wanted to wake
-        self._said: List[Command] = []
         self._handlers: Table[Optional[List[Command]]] = table(
             Event,
             {
@@ -77,7 +76,7 @@ class Substitute:
         commands += self._handover.due(now)
         commands += self._advertising.due(now)
         commands += [] if self._hands_over else self._others.due(now)
-        self._said, self._wanted = commands, self.next_deadline
+        self._wanted = self.next_deadline
         return commands
 
     @property
@@ -111,36 +110,6 @@ class Substitute:
     def reads_at(self) -> float:
         """Return when it computes from its inputs next, in s; before they need not be told it."""
         return math.inf if self._job is None else self._job.due(self.hurries)
-
-    def validate(self) -> None:
-        """Raises ShsaError if what must always hold after an event does not."""
-        job, now, handover = self._job, self._now, self._handover
-        published = [each for each in self._said if isinstance(each, events.Publish)]
-        looked = any(isinstance(each, events.LookAtOriginal) for each in self._said)
-        muted = self._voice is Voice.MUTED
-        stamp = 0 if job is None else self._stamps.latest(job.topic)
-        held = {
-            "muted, it publishes nothing": not (published and muted),
-            "it publishes one message at most": len(published) <= 1,
-            "it publishes where it has advertised": all(
-                self._advertising.ready(each.outputs[0].topic) for each in published
-            ),
-            "what is due is done, unless an input is stale": self.reads_at > now
-            or self._values() is None,
-            "it listens to what it computes from": job is None
-            or all(map(self._readings.listens, job.inputs)),
-            "it advertises what it computes": job is None or job.topic in self.topics,
-            "muted, it replaces no node": not (
-                muted and (handover.original or handover.served or looked)
-            ),
-            "it publishes no integral from nobody knows where": not published
-            or (job is not None and not job.unstarted),
-            "a stamp is the newest of its topic": all(each.stamp == stamp for each in published),
-            "all that is due has been said": self.next_deadline > now,
-        }
-        broken = [what for what, holds in held.items() if not holds]
-        if broken:
-            raise ShsaError(f"{'; '.join(broken)}: not so at {now:g} after {self._said}")
 
     # Its row.
 

@@ -55,7 +55,7 @@ class Readings:
         """
         found = []
         for signal in signals:
-            reading = self._readings[signal.topic][signal.field, signal.node]
+            reading = self._reading(signal)
             if reading is None:
                 return None
             time, value, _, _ = reading
@@ -66,14 +66,13 @@ class Readings:
 
     def oldest(self, signals: Iterable[Signal]) -> int:
         """Return the oldest stamp among the values of `signals`, in ns; 0 if there are none."""
-        readings = (self._readings[each.topic][each.field, each.node] for each in signals)
-        return min((reading[2] for reading in readings if reading is not None), default=0)
+        known = filter(None, map(self._reading, signals))
+        return min((stamp for _, _, stamp, _ in known), default=0)
 
     def sources(self, signals: Iterable[Signal]) -> Tuple[str, ...]:
         """Return who published the value of each of `signals`; empty: it has never come."""
-        readings = (self._readings[each.topic][each.field, each.node] for each in signals)
+        readings = map(self._reading, signals)
         return tuple("" if reading is None else reading[3] for reading in readings)
 
-    def listens(self, signal: Signal) -> bool:
-        """Return if the values of a signal are kept."""
-        return (signal.field, signal.node) in self._readings.get(signal.topic, {})
+    def _reading(self, signal: Signal) -> Optional[Reading]:
+        return self._readings[signal.topic][signal.field, signal.node]

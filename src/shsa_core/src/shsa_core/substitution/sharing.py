@@ -69,11 +69,6 @@ class Sharing:
         """Return when one of them computes from its inputs next, in s."""
         return min((wants.reads_at for wants in self._wants.values()), default=math.inf)
 
-    def validate(self) -> None:
-        """Raises ShsaError if what must always hold of one of them does not."""
-        for core in self._cores.values():
-            core.validate()
-
     def _row_changed(self, event: events.RowChanged) -> List[Command]:
         name = event.row.service
         self._cores.setdefault(name, Substitute())
