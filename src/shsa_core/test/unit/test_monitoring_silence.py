@@ -1,16 +1,18 @@
 """Whose silence is a failure, and who has an alibi."""
-from typing import Any, Dict, Iterable, List, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
 
+from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S
-from shsa_core.monitoring.alibis import ROWS, Blame, Case, Row, decide
+from shsa_core.monitoring.alibis import ROWS, Case, Row, decide
 from shsa_core.monitoring.events import ClockTicked
 from shsa_core.monitoring.settings import RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
+KINDS = (None, *Kind)
 
 
 def robot(nodes: Iterable[str] = NODES, *more: Service) -> Bench:
@@ -200,14 +202,14 @@ def test_people_see_that_slow_nodes_are_slow_together() -> None:
     assert {row.detail for row in bench.rows.values()} == {""}
 
 
-@pytest.mark.parametrize("blame", list(Blame))
-def test_who_has_no_alibi_is_to_blame(blame: Blame) -> None:
-    assert decide(Case(blame, 10.0, 9.0)) is None
+@pytest.mark.parametrize("kind", KINDS)
+def test_who_has_no_alibi_is_to_blame(kind: Optional[Kind]) -> None:
+    assert decide(Case(kind, 10.0, 9.0)) is None
 
 
 @pytest.mark.parametrize("row", ROWS)
 def test_who_is_late_has_the_same_alibis_whatever_shows_it(row: Row) -> None:
-    late = {Blame.SILENCE, Blame.RATE, Blame.STAMP, Blame.GAP}
+    late = {Kind.SILENT, Kind.RATE_LOW, Kind.STALE_STAMP, None}
     assert len(late & {*row.clears}) in (0, 1, len(late))
 
 
@@ -225,11 +227,11 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(robot_came=False),
     )
     for row, fact in zip(ROWS, facts):
-        for blame in Blame:
-            alibi = decide(Case(blame, 10.0, 9.0, limit=12.0, **fact))
-            assert (alibi is not None and alibi.why == row.why) is (blame in row.clears)
-            later = Case(blame, 14.0, 9.0, limit=12.0, **fact)
-            assert row.until(later) <= 14.0 or blame not in row.clears or decide(later)
+        for kind in KINDS:
+            alibi = decide(Case(kind, 10.0, 9.0, limit=12.0, **fact))
+            assert (alibi is not None and alibi.why == row.why) is (kind in row.clears)
+            later = Case(kind, 14.0, 9.0, limit=12.0, **fact)
+            assert row.until(later) <= 14.0 or kind not in row.clears or decide(later)
     assert len(facts) == len(ROWS)
 
 

@@ -1,45 +1,32 @@
 """Decides who may not be blamed, why, and for how long: one table, in order.
 
-A silence, a low rate, an old stamp, a late start, a wrong value and a gap that would teach how long
-a stream may be silent are asked the same. Together all alibis of a silence grant it as
-long again as it is allowed, at most.
+Together all alibis of a silence grant it as long again as it is allowed, at most.
 """
 from dataclasses import dataclass
-from enum import Enum
 from math import inf
 from typing import Callable, NamedTuple, Optional, Tuple
 
+from shsa_core.model.checks import BY_VALUE
+from shsa_core.model.kinds import Kind
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.settings import TOGETHER_NODES
-
-
-class Blame(Enum):
-    """The faults that a publisher could be blamed for."""
-
-    SILENCE = "silence"
-    RATE = "rate"
-    HASTE = "haste"
-    GAP = "gap"
-    STAMP = "stamp"
-    RANGE = "range"
-    VALUE = "value"
-    START = "start"
 
 
 @dataclass(frozen=True)
 class Case:
     """A publisher that is late since it `began` to be, and what else was going on. Times in s.
 
-    `limit`: until when alibis count. `due`: when it is late by the watch, which stands
-    while nobody could act. `reconnects_until`: until then it gives a connection that was lost anew.
-    `busy`: when healing connected to it, or a substitute came up, last; `short`: when it or the
-    computer was short of processor time. `paced`: the rate by the SOM is its
-    own. `together`: how many nodes are late, or out of range, with it, itself included.
-    `confirmed`: what others tell is as far out of range. `fed_badly`: what it is computed from is
-    at fault as well. `robot_came`: some node of the robot was there, or was under a former monitor.
+    `kind`: what it could be blamed for; None: nothing, it would teach how long it may be silent.
+    `limit`: until when alibis count. `due`: when it is late by the watch, which stands while nobody
+    could act. `reconnects_until`: until then it gives a connection that was lost anew. `busy`: when
+    healing connected to it, or a substitute came up, last; `short`: when it or the computer was
+    short of processor time. `paced`: the rate by the SOM is its own. `together`: how many nodes are
+    late, or out of range, with it, itself included. `confirmed`: what others tell is as far out of
+    range. `fed_badly`: what it is computed from is at fault as well. `robot_came`: some node of the
+    robot was there, or was under a former monitor.
     """
 
-    blame: Blame
+    kind: Optional[Kind]
     now: float
     began: float
     limit: float = inf
@@ -69,13 +56,13 @@ class Row(NamedTuple):
     """An alibi: of what it clears, when it applies, and until when it holds."""
 
     why: str
-    clears: Tuple[Blame, ...]
+    clears: Tuple[Optional[Kind], ...]
     applies: Callable[[Case], bool]
     until: Callable[[Case], float] = lambda case: case.limit
 
 
-_SILENCE, _RANGE = (Blame.SILENCE,), (Blame.RANGE,)
-_LATE = (Blame.SILENCE, Blame.RATE, Blame.GAP, Blame.STAMP)
+_SILENCE, _RANGE, _START = (Kind.SILENT,), (Kind.OUT_OF_RANGE,), (Kind.NEVER_PUBLISHED,)
+_LATE = (Kind.SILENT, Kind.RATE_LOW, Kind.STALE_STAMP, None)
 
 ROWS = (
     Row(
@@ -97,17 +84,17 @@ ROWS = (
     ),
     Row(
         "it waits for a processor, or the computer is short of processor time",
-        (*_LATE, Blame.START),
+        (*_LATE, *_START),
         lambda case: case.short + CHANGEOVER_S >= case.began,
     ),
     Row(
         "nodes that have nothing to do with each other are late together",
-        (*_LATE, Blame.START),
+        (*_LATE, *_START),
         lambda case: case.together >= TOGETHER_NODES,
     ),
     Row(
         "its rate was never good: `period` in the SOM may be wrong, or that of another node",
-        (Blame.RATE, Blame.HASTE),
+        (Kind.RATE_LOW, Kind.RATE_HIGH),
         lambda case: not case.paced,
     ),
     Row(
@@ -122,12 +109,12 @@ ROWS = (
     ),
     Row(
         "what it is computed from is wrong, comes too seldom, or is a substitute's",
-        (*_LATE, Blame.RANGE, Blame.VALUE),
+        (*_LATE, *BY_VALUE),
         lambda case: case.fed_badly,
     ),
     Row(
         "nothing of the robot is there yet",
-        (Blame.START,),
+        _START,
         lambda case: not case.robot_came,
     ),
 )
@@ -137,7 +124,7 @@ NOBODY_CAME = ROWS[-1].why
 def decide(case: Case) -> Optional[Alibi]:
     """Return the first alibi that holds; None: the publisher is to blame."""
     for row in ROWS:
-        if case.blame in row.clears and row.applies(case) and row.until(case) > case.now:
-            accuses_som = case.blame is Blame.RANGE or not case.paced
+        if case.kind in row.clears and row.applies(case) and row.until(case) > case.now:
+            accuses_som = case.kind is Kind.OUT_OF_RANGE or not case.paced
             return Alibi(row.why, row.until(case), accuses_som)
     return None

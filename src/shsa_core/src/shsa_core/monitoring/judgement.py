@@ -13,13 +13,13 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import IntruderSample, ValueSample
 from shsa_core.model.service import Deadlines
 from shsa_core.model.som import Som
-from shsa_core.monitoring.alibis import Alibi, Blame, Case, decide
+from shsa_core.monitoring.alibis import Alibi, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.publishers import Publisher
 from shsa_core.monitoring.surroundings import Surroundings
 
-LATE = {Kind.RATE_LOW: Blame.RATE, Kind.RATE_HIGH: Blame.HASTE, Kind.STALE_STAMP: Blame.STAMP}
+LATE = (Kind.RATE_LOW, Kind.RATE_HIGH, Kind.STALE_STAMP)
 NOT_BLAMED = "not blamed: "
 
 
@@ -148,29 +148,29 @@ class Judgement:
     def _alibi(self, publisher: Publisher, failure: Finding) -> Optional[Alibi]:
         """Return why a publisher is not blamed for its rate, or its values; None: it is."""
         evidence, time = publisher.evidence, self._board.now
-        case = Case(Blame.VALUE, time, time)
+        case = Case(failure.kind, time, time)
         if failure.kind in LATE:
             if not publisher.is_healthy:
                 return None
-            case = self._around.slow(LATE[failure.kind], publisher)
+            case = self._around.slow(failure.kind, publisher)
             blamed = self._board.is_replaced(publisher)  # if only by a former monitor
             case = replace(case, paced=blamed or evidence.rate_was_good)
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)
-        return decide(replace(case, fed_badly=self._is_fed_badly(publisher, case.blame)))
+        return decide(replace(case, fed_badly=self._is_fed_badly(publisher, failure.kind)))
 
-    def _is_fed_badly(self, publisher: Publisher, blame: Blame) -> bool:
+    def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:
         """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""
         if publisher.name not in publisher.topic.nodes:
             return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}
         upstream = [each for topic in read for each in topics[topic].publishers.values()]
-        if blame is Blame.RATE:
+        if kind is Kind.RATE_LOW:
             return any(each.is_slow for each in upstream)
         replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)
-        if blame is Blame.VALUE and any(replaced):
+        if kind not in (Kind.OUT_OF_RANGE, *LATE) and any(replaced):
             return True
         bad = (each.evidence.verdict.newest_is_bad for each in upstream)
         return any(bad) or any(each.kind in BY_VALUE for each in upstream)

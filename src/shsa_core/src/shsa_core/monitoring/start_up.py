@@ -4,7 +4,7 @@ from math import inf
 from typing import Iterator
 
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alibis import NOBODY_CAME, Blame, Case, decide
+from shsa_core.monitoring.alibis import NOBODY_CAME, Case, decide
 from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.events import FormerlyHealthy
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
@@ -83,7 +83,7 @@ class StartUp:
     def _miss(self, topic: WatchedTopic, watched: WatchedService) -> None:
         (formerly, told), now = watched.formerly, self._board.now
         there = formerly in topic.publishers and topic.publishers[formerly].connected
-        case = Case(Blame.START, now, began=told, robot_came=self._robot_came or bool(formerly))
+        case = Case(Kind.NEVER_PUBLISHED, now, told, robot_came=self._robot_came or bool(formerly))
         if formerly:
             short, together = self._around.short(formerly) if there else -inf, self._unheard()
             case = replace(case, limit=told + self._grace, short=short, together=together)

@@ -5,8 +5,9 @@ from math import inf
 from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.derivations.settings import SAMPLE_S
+from shsa_core.model.kinds import Kind
 from shsa_core.monitoring import settings
-from shsa_core.monitoring.alibis import Blame, Case, decide
+from shsa_core.monitoring.alibis import Case, decide
 from shsa_core.monitoring.board import Board
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.watch import Watch
@@ -61,13 +62,13 @@ class Surroundings:
         """Return the case of a publisher that is silent for longer than it is allowed."""
         since, watch = publisher.silent_since or 0.0, self._watch
         return replace(
-            self._late(Blame.SILENCE, _Gap(publisher.name, since, watch.now)),
+            self._late(Kind.SILENT, _Gap(publisher.name, since, watch.now)),
             limit=watch.now + 2 * publisher.allowed - watch.passed(since),
             due=watch.when(since, publisher.allowed),
             reconnects_until=publisher.reconnects_until,
         )
 
-    def slow(self, blame: Blame, publisher: Publisher) -> Case:
+    def slow(self, kind: Kind, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
         time = self._board.now
         if not 0.0 <= time - self._looked < SAMPLE_S:
@@ -75,7 +76,7 @@ class Surroundings:
             slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
             self._slow = len({each.name for each in slow})
         gap = _Gap(publisher.name, time - publisher.evidence.rate.span, time)
-        return self._late(blame, gap, self._slow)
+        return self._late(kind, gap, self._slow)
 
     def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
@@ -83,7 +84,7 @@ class Surroundings:
         outside = (p for p in self._board.all() if p.connected and p.evidence.outside)
         apart = [each for each in outside if causes.isdisjoint(_wrong_with(each))]
         time = self._board.now
-        return Case(Blame.RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
+        return Case(Kind.OUT_OF_RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, publisher: Publisher, began: float) -> None:
         """Learn from the gap of a healthy publisher.
@@ -105,14 +106,14 @@ class Surroundings:
         waiting, self._waiting = self._waiting, []
         for publisher, gap in waiting:
             learned, watch = publisher.learned, self._watch
-            if learned is None or decide(self._late(Blame.GAP, gap)):
+            if learned is None or decide(self._late(None, gap)):
                 continue
             if learned.add(watch.passed(gap.began) - watch.passed(gap.ended)):
                 self._board.look_when_due(publisher)
 
-    def _late(self, blame: Blame, gap: _Gap, together: Optional[int] = None) -> Case:
+    def _late(self, kind: Optional[Kind], gap: _Gap, together: Optional[int] = None) -> Case:
         return Case(
-            blame,
+            kind,
             gap.ended,
             gap.began,
             busy=max(self._busy.get(each, -inf) for each in ("", gap.node)),
