@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from shsa_core.monitoring.deadline import LearnedDeadline
+from shsa_core.monitoring.learned import LearnedDeadline
 from shsa_core.monitoring.settings import BLOCKS, SPARE, TAIL_KEPT
 from shsa_testing.thorough import many
 

@@ -12,7 +12,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample, ValueSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
-from shsa_core.monitoring.habits import Form, StampAges, Stillness
+from shsa_core.monitoring.learned import Form, StampAges, Stillness
 from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS, SLOW_PACE
 
 

@@ -11,8 +11,8 @@ from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
-from shsa_core.monitoring.deadline import LearnedDeadline
 from shsa_core.monitoring.evidence import Evidence, Learned
+from shsa_core.monitoring.learned import LearnedDeadline
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -63,17 +63,14 @@ class WatchedService:
 class Publisher:
     """One life of one publisher of one topic, and all that is held against it. Times in s.
 
-    `silent_since`: since its last message, or since it could be heard again after that.
-    `excused_until`: until then its silence has an alibi. `reconnects_until`: its connection was
-    lost since its last message, while its node lived, and is given anew by then; -inf: it was not.
-    `steady`: a message came within its deadline once.
-
-    `suspicions`: what others hold against its values, by property. `logged`: what people were told
-    of it. `uri`: where its process is. `retired`: it is a substitute that the table names no more.
-    `filled_in`: when it bridged last, as a muted substitute.
-
-    `watched` is the service that it provides; if nobody can tell, `topic.unknown`, so that only its
-    connection is watched.
+    `watched`: the service that it provides; if nobody can tell, `topic.unknown`, so that only its
+    connection is watched. `silent_since`: since its last message, or since it could be heard again
+    after that. `excused_until`: until then its silence has an alibi. `reconnects_until`: its
+    connection was lost since its last message, while its node lived, and is given anew by then;
+    -inf: it was not. `steady`: a message came within its deadline once. `suspicions`: what others
+    hold against its values, by property. `logged`: what people were told of it. `uri`: where its
+    process is. `retired`: it is a substitute that the table names no more. `filled_in`: when it
+    bridged last, as a muted substitute.
     """
 
     topic: "WatchedTopic" = field(repr=False)
@@ -203,8 +200,7 @@ class Publisher:
     def row(self) -> PublisherHealth:
         """Return its row in the table."""
         return PublisherHealth(
-            self.topic.name,
-            self.name,
+            *self.key,
             self.state,
             self.since,
             self.first_message,
@@ -249,9 +245,7 @@ class WatchedTopic:
         return [each for name, each in self.services.items() if each is not old.get(name)]
 
     def service_of(self, publisher: str, substituted: str) -> WatchedService:
-        """Return the service that a publisher provides.
-
-        `substituted`: the one whose place it takes, if it is a substitute.
+        """Return the service that a publisher provides, in place of `substituted`, if of any.
 
         Whoever is not known stands for the topic's service if there is only one.
         """
