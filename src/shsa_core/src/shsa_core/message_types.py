@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from importlib.machinery import PathFinder
+from importlib.util import find_spec
 from typing import Any, Dict, List, Mapping
 
 from shsa_core.errors import ShsaError
@@ -17,12 +18,8 @@ _NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]{0,99})/([A-Za-z][A-Za-z0-9_]{0,99})")
 
 
 def available() -> bool:
-    """Return whether message types can be looked up here: whether there is a ROS."""
-    try:
-        importlib.import_module("genpy.message")
-    except ImportError:
-        return False
-    return True
+    """Return whether message types can be looked up here."""
+    return find_spec("genpy") is not None
 
 
 def message_class(name: str) -> Any:

@@ -260,10 +260,7 @@ class Gate:
 
 def _values_alone(service: Service) -> Service:
     """Return a service of which single values are judged: a substitute owes nobody a history."""
-    provides = tuple(
-        replace(
-            each, checks=tuple(c for c in each.checks if isinstance(c, (NotANumber, OutOfRange)))
-        )
-        for each in service.provides
-    )
+    kinds = NotANumber, OutOfRange
+    of_one = [tuple(c for c in each.checks if isinstance(c, kinds)) for each in service.provides]
+    provides = tuple(replace(e, checks=checks) for e, checks in zip(service.provides, of_one))
     return replace(service, provides=provides, checks=replace(service.checks, each=()))

@@ -235,7 +235,7 @@ class Board:
         self.forget_gone(publisher.topic)
 
     def mute(self, publisher: Publisher) -> None:
-        """Mute a publisher, which need not publish; it begins anew when it does."""
+        """Mute a publisher, which need not publish."""
         publisher.mute(self.now)
         self.touch(publisher)
 
@@ -258,10 +258,7 @@ class Board:
                 self.drop(publisher)
 
     def _miss_no_more(self, topic: WatchedTopic, watched: WatchedService) -> None:
-        """Somebody provides a service: drop the publisher without a name.
-
-        It stays if it stands for another service.
-        """
+        """Drop the publisher without a name, unless it stands for another service."""
         nobody = topic.publishers.get(NOBODY)
         if nobody is not None and (nobody.state is not FAILED or nobody.watched is watched):
             self.drop(nobody)

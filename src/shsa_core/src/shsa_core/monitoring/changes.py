@@ -69,6 +69,5 @@ def _with_numbers_of(old: Service, new: Service) -> Service:
         else each
         for each in new.provides
     )
-    numbers = dict(period=old.period, deadline=old.deadline, checks=old.checks)
-    told = dict(weakened=old.weakened, fastest=old.fastest)
-    return replace(new, provides=provides, **numbers, **told)
+    numbers = ("period", "deadline", "checks", "weakened", "fastest")
+    return replace(new, provides=provides, **{name: getattr(old, name) for name in numbers})

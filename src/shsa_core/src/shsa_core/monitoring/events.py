@@ -57,10 +57,7 @@ class SubstitutionsChanged(Event):
 
 @dataclass(frozen=True)
 class FormerlyHealthy(Event):
-    """These publishers did well under a former monitor, as the reconfigurator knows.
-
-    They are there already, and are given no time to come up.
-    """
+    """These publishers did well under a former monitor: they are given no time to come up."""
 
     publishers: Tuple[Key, ...]
 
@@ -92,14 +89,12 @@ class Interrupted(PublisherEvent):
 
 @dataclass(frozen=True)
 class Message(PublisherEvent):
-    """A message came. `values` are those of `checked_provisions` of its service, each None where
-    the message has none.
+    """A message came.
 
-    None: they were not decoded.
-
-    `error` says why a message could not be decoded. `age`: s since its stamp, None if it has none.
-    `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by which
-    simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
+    `values`: those of `checked_provisions` of its service, each None where the message has none;
+    None: they were not decoded. `error`: why that failed. `age`: s since its stamp, None: it has
+    none. `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by
+    which simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
     `stamp`: in ns, as it came; 0: it has none. `form`: its frames and the lengths of its arrays.
     """
 
@@ -116,8 +111,7 @@ class Message(PublisherEvent):
 class Tick(Event):
     """Time passes; every message that came before `time` is handled.
 
-    `late`: the time in s that the monitor itself was not scheduled: it woke so much after it
-    wanted to.
+    `late`: the monitor woke so many s after it wanted to: it was not scheduled.
     """
 
     late: float = 0.0
@@ -163,8 +157,7 @@ class HealthChanged:
 class ChangeRefused:
     """Changed numbers of a service are refused, since a healthy publisher violates them.
 
-    `service` has the numbers that count. `text` says what was to change, and what the publisher
-    does.
+    `service` has the numbers that count; `text`: what was to change, and what the publisher does.
     """
 
     service: Service

@@ -50,10 +50,9 @@ class RowChanged(Event):
 
 @dataclass(frozen=True)
 class RowRemoved(Event):
-    """The table of substitutions has no row of this node any more.
+    """The table of substitutions has no row of this node, or of this `service` in it, any more.
 
-    `service`: of which, where several share the node. `ended`: it was taken out; else the whole
-    table has none, as one of a reconfigurator that was started anew.
+    `ended`: it was taken out; else the table is that of a reconfigurator that was started anew.
     """
 
     service: str = ""
@@ -110,10 +109,7 @@ class LookAtOriginal(Act):
 
 @dataclass(frozen=True)
 class OriginalServes(Event):
-    """The answer to a look: the consumers to which the original has published already.
-
-    None: it does not answer; else it may publish any moment.
-    """
+    """The answer to a look: to whom the original has published already; None: it has no answer."""
 
     look: LookAtOriginal
     consumers: Optional[FrozenSet[str]]
@@ -130,10 +126,7 @@ class OtherHeard(Event):
 
 @dataclass(frozen=True)
 class OtherGone(Event):
-    """The node of somebody else, `publisher`, on a topic that is overheard is gone.
-
-    Its connection has ended, and nobody listens any more where it did. All that it said is told.
-    """
+    """The node of somebody else, `publisher`, is gone from a topic; all that it said is told."""
 
     topic: str
     publisher: str
@@ -208,10 +201,7 @@ class Overhear(Act):
 
 @dataclass(frozen=True)
 class Advertise(Act):
-    """Register as a publisher, and say when that is done (Advertised).
-
-    `latched`: say to consumers that who subscribes late gets the newest message.
-    """
+    """Register as a publisher, of a `latched` topic or not; say when that is done (Advertised)."""
 
     topic: str
     type: str
@@ -227,11 +217,11 @@ class Withdraw(Act):
 
 @dataclass(frozen=True)
 class Compose(Act):
-    """From now on messages on a topic start from its last good one.
+    """From now on messages on a topic start from `last_message`, serialized; empty: not known.
 
-    That is `last_message`, serialized; empty: not known. `written`: the fields that are computed,
-    each with its standard deviation, None: not known. `others`: what stands in the other fields.
-    `overheard`: they start from the newest message that was heard of somebody else, if any was.
+    `written`: the fields that are computed, each with its standard deviation, None: not known.
+    `others`: what stands in the other fields. `overheard`: they start from the newest message that
+    was heard of somebody else, if any was.
     """
 
     topic: str
@@ -246,8 +236,7 @@ class Compose(Act):
 class Publish(Act):
     """Publish one message with `values` in the fields `outputs`.
 
-    It goes to the consumer `only`, empty: to every consumer but those in `served`. `stamp` in ns;
-    0: now.
+    It goes to the consumer `only`; empty: to every one but those in `served`. `stamp` 0: now.
     """
 
     outputs: Tuple[Signal, ...]

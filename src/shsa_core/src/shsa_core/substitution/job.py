@@ -17,7 +17,7 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 class Schedule:
     """Due once a period, the first time at once; without a period, when it begins.
 
-    What is due stays due until it is `done`: nothing is lost, and nothing is done twice.
+    What is due stays due until it is `done`.
     """
 
     def __init__(self, period: Optional[float], now: float) -> None:
@@ -144,9 +144,8 @@ class Job:
     def evaluate(self, values: Tuple[float, ...], now: float) -> bool:
         """Set `latest` to what the program yields of its inputs' `values`.
 
-        Return if it has just been without a value for so long that another law may be better. Two
-        evaluations in close succession would take a derivative over next to no time: the second
-        one is left out.
+        Return if it has just been without a value for so long that another law may be better. Of
+        two evaluations in close succession the second is left out: no derivative is taken of that.
         """
         self.schedule.done(now)
         self._rests_until = now + settings.REST_S

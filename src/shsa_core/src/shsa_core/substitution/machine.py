@@ -99,10 +99,7 @@ class Substitute:
 
     @property
     def hurries(self) -> bool:
-        """Return if what arrives is waited for.
-
-        Else it may be told later, and of each input the newest alone.
-        """
+        """Return if what arrives is waited for; else of each input the newest may be told later."""
         waits = self._others.heals or self._voice is not Voice.MUTED
         return self._job is not None and (waits or self._job.period is None)
 
@@ -175,24 +172,19 @@ class Substitute:
         return self._listen(job.inputs) + self._advertising.hurry(job.outputs[0], self._now)
 
     def _compose(self, last: Optional[LastMessage]) -> List[Command]:
-        """Say what messages start from, if that has changed."""
         job, row = self._job, self.row
         if job is None or self._refused is not None:
             return []
         overheard = self._voice is Voice.FILLS_IN
         message = row.template if last is None else row.last_message
-        compose = events.Compose(
-            job.topic, job.outputs[0].type, job.written, row.others, message, overheard
-        )
-        if compose == self._composed:
-            return []
-        self._composed = compose
-        return [compose]
+        kind = job.outputs[0].type
+        compose = events.Compose(job.topic, kind, job.written, row.others, message, overheard)
+        before, self._composed = self._composed, compose
+        return [] if compose == before else [compose]
 
     # Ready for any of several programs.
 
     def _plans_changed(self, event: events.PlansChanged) -> List[Command]:
-        """Be ready for each plan, as long as there is no work."""
         told = {row.service: row for row in event.rows}
         gone = [name for name in self._plans if name not in told] if event.whole else event.removed
         for name in gone:
@@ -225,7 +217,6 @@ class Substitute:
         return commands
 
     def _problems(self, row: Substitution) -> Dict[Signal, str]:
-        """Return the signals of a row that cannot be used here, each with the reason."""
         problems: Dict[Signal, str] = {}
         for signal in (*row.inputs, *row.outputs):
             known = self._types.get(signal.topic, signal.type)
@@ -283,7 +274,6 @@ class Substitute:
         return after is Voice.FILLS_IN and before is not Voice.FILLS_IN
 
     def _decide(self, topic: str) -> Voice:
-        """Return the voice on the topic of the program, by what the row says of it."""
         row, others = self.row, self._others
         original = Original.BACK if self._hands_over else others.original
         order = Order.BRIDGE if others.bridge else Order.MUTE
