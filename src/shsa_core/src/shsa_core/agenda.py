@@ -7,10 +7,7 @@ Key = TypeVar("Key")
 
 
 class Agenda(Generic[Key]):
-    """Moments by key.
-
-    Setting one and looking for the earliest cost the same however many there are.
-    """
+    """Moments by key; to set or find the earliest costs the same however many there are."""
 
     def __init__(self) -> None:
         self._due: Dict[Key, float] = {}

@@ -7,10 +7,7 @@ BURST_PERIODS = 0.5
 
 
 class Backlog:
-    """The messages of one publisher, which come all at once after a silence. Times in s.
-
-    They are as old as that was, and come faster than it ever publishes.
-    """
+    """The messages of one publisher, which come all at once after a silence. Times in s."""
 
     def __init__(self) -> None:
         self._came = inf

@@ -8,10 +8,7 @@ from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChan
 
 @dataclass(frozen=True)
 class Arrived:
-    """A message came on the topic that the node publishes on, or on that which consumers hear.
-
-    `newest`: no later one of its publisher has come yet.
-    """
+    """A message came, of the node or to consumers; `newest`: no later one of its publisher."""
 
     message: Message
     data: bytes
@@ -28,10 +25,7 @@ Event = Union[SubstitutionsChanged, Arrived, Disconnected, Tick]
 
 @dataclass(frozen=True)
 class Pass:
-    """Consumers hear this, byte for byte; `stamp`: in ns, written into its header, None: as it is.
-
-    `publisher`: whose message it is.
-    """
+    """Consumers hear this of `publisher`, byte for byte; `stamp`: in ns, None: as it is."""
 
     data: bytes
     publisher: str

@@ -42,10 +42,7 @@ class Case:
 
 
 class Alibi(NamedTuple):
-    """Why a publisher is not blamed, and until when that holds if nothing changes.
-
-    `accuses_som`: the SOM may be wrong; people should look.
-    """
+    """Why a publisher is not blamed, and until when; `accuses_som`: the SOM may be wrong."""
 
     why: str
     until: float

@@ -67,10 +67,7 @@ class Substitutes:
 
 
 class Board:
-    """The watched topics with their publishers, as of `now`, in s.
-
-    Notes every change until `commands` takes them.
-    """
+    """The watched topics with their publishers, as of `now`, in s, and every change of them."""
 
     def __init__(self) -> None:
         self.now = -inf

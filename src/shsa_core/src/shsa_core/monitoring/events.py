@@ -1,7 +1,4 @@
-"""The events that the monitor's core hears, and the commands that it says.
-
-Times in s on one monotonic clock.
-"""
+"""The events that the monitor's core hears, and its commands. Times in s on one monotonic clock."""
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
@@ -45,10 +42,7 @@ class Subscribed(Event):
 
 @dataclass(frozen=True)
 class SubstitutionsChanged(Event):
-    """New and changed rows of the table of substitutions, and the nodes whose rows are gone.
-
-    `whole`: all rows.
-    """
+    """New rows of the table of substitutions, or its `whole`, and nodes whose rows are gone."""
 
     rows: Tuple[Substitution, ...]
     removed: Tuple[str, ...] = ()
@@ -64,10 +58,7 @@ class FormerlyHealthy(Event):
 
 @dataclass(frozen=True)
 class Connected(PublisherEvent):
-    """A connection to a publisher was made, the first one or after an interruption.
-
-    `uri`: the address of its process.
-    """
+    """A connection to a publisher at `uri` was made, the first one or after an interruption."""
 
     uri: str = ""
 
@@ -81,10 +72,7 @@ class Disconnected(PublisherEvent):
 
 @dataclass(frozen=True)
 class Interrupted(PublisherEvent):
-    """The last connection to a publisher was lost, but its node lives.
-
-    A new one is being made: Connected or Disconnected follows, or at least a Message.
-    """
+    """The last connection was lost, but the node lives: a new one follows, or Disconnected."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +97,7 @@ class Message(PublisherEvent):
 
 @dataclass(frozen=True)
 class Tick(Event):
-    """Time passes; every message that came before `time` is handled.
-
-    `late`: the monitor woke so many s after it wanted to: it was not scheduled.
-    """
+    """Time passes: all that came before is handled. The monitor woke `late`, by so many s."""
 
     late: float = 0.0
 
@@ -132,10 +117,7 @@ class ClockTicked(Event):
 
 @dataclass(frozen=True)
 class Ending(Event):
-    """The launch of these nodes is ending: they stop on purpose, and are not missed.
-
-    No nodes: that of the monitor itself is, and with it all others.
-    """
+    """The launch of these nodes ends: they are not missed. No nodes: the monitor's own launch."""
 
     nodes: Tuple[str, ...] = ()
 

@@ -58,10 +58,7 @@ class _Value:
         self._teaches = False
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
-        """Return what is wrong with a new value.
-
-        A failed publisher may start anew elsewhere, but must be steady there.
-        """
+        """Return what is wrong with a new value; a `failed` publisher may start anew elsewhere."""
         if self._usual is not None:
             self._compare_with(self._usual, value)
         before = self._newest if failed else self.good
@@ -277,10 +274,7 @@ class Evidence:
         return judge(service.checks.each, self.rate.sample(service.period))
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Tell if a message is good, and which failure it completes, if any.
-
-        `failed`: there was one already.
-        """
+        """Tell if a message is good, and which failure it completes; `failed`: after another."""
         finding = None
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
@@ -291,10 +285,7 @@ class Evidence:
         return finding is None, finding if guilty else None
 
     def recovers(self, good: bool, steady: bool = True) -> bool:
-        """Count the good messages in a row after a failure, `steady` ones; tell if it is over.
-
-        What was bad is forgotten then.
-        """
+        """Count good, `steady` messages in a row; tell if the failure is over, and forget it."""
         before = self._good_in_a_row if steady else 0
         self._good_in_a_row = before + 1 if good else 0
         if self._good_in_a_row < self.verdict.recovery:

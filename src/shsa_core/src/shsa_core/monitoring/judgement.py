@@ -103,10 +103,7 @@ class Judgement:
         return good
 
     def _compare(self, publisher: Publisher, message: Message, good: bool) -> Optional[Finding]:
-        """Return what others hold against a message that is `good` by itself.
-
-        It teaches, unless somebody fails, or is in doubt.
-        """
+        """Return what others hold against a `good` message; it teaches if nobody is in doubt."""
         service, evidence = publisher.service, publisher.evidence
         if message.values is None or not self._derivations.concerns(service):
             return None

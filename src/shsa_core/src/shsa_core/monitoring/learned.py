@@ -87,10 +87,7 @@ class StampAges:
 
 
 class Form:
-    """The frames that one publisher names, and the lengths of its arrays: what is always the same.
-
-    `learns`: from its first good messages.
-    """
+    """The frames and the lengths of arrays, learned, if it `learns`, of the first messages."""
 
     def __init__(self, learns: bool) -> None:
         self._left = settings.AGES if learns else 0  # messages until it is known

@@ -81,10 +81,7 @@ class Monitor:
         return {publisher.key: publisher.messages for publisher in self._board.all()}
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
-        """Return the service that a publisher of `topic` provides, for whose checks it is read.
-
-        None if nobody can tell.
-        """
+        """Return the service for whose checks a publisher is read; None if nobody can tell."""
         found = self._board.topics.get(topic)
         if found is None:
             return None

@@ -60,10 +60,7 @@ class Pace:
         return self._now + (moment - self._slow)
 
     def ours(self, commands: List[Command]) -> List[Command]:
-        """Return commands at our time again.
-
-        What lies back lies as far back as the publisher's clock says.
-        """
+        """Return commands at our time; what lies back does so by the publisher's clock."""
         return [
             replace(each, time=self._now, rows=self.rows(each.rows), failed=self.rows(each.failed))
             if isinstance(each, HealthChanged)

@@ -20,10 +20,7 @@ DIGITS = "0123456789"
 
 
 class Alone:
-    """Has an idle process take topics over by itself. Times in s.
-
-    `idle`: the row to which it returns; None: it does as the table says.
-    """
+    """Has an idle process take topics over. Times in s. `idle`: its row before that."""
 
     def __init__(self) -> None:
         self.idle: Optional[Substitution] = None

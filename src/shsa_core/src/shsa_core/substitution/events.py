@@ -1,7 +1,6 @@
-"""The events that a substitute's core hears, and the commands that it says.
+"""The events that a substitute's core hears, and its commands. Times in s on one monotonic clock.
 
-Times in s on one monotonic clock. `stamp`: that of a message's header, in ns; 0: none. `ros_time`:
-the moment of an event in ns of ROS time; 0: not known.
+`stamp`: of a message's header, in ns; 0: none. `ros_time`: of an event, in ns; 0: not known.
 """
 from dataclasses import dataclass
 from typing import FrozenSet, Optional, Tuple, Union

@@ -15,10 +15,7 @@ Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
 
 class Schedule:
-    """Due once a period, the first time at once; without a period, when it begins.
-
-    What is due stays due until it is `done`.
-    """
+    """Due once a period, first at once, until it is `done`; without a period, once it begins."""
 
     def __init__(self, period: Optional[float], now: float) -> None:
         self.period = math.inf if period is None else period
@@ -182,10 +179,7 @@ class Job:
 
 
 def words(row: Substitution) -> Words:
-    """Return what makes the program of a row: code, fields and types.
-
-    The signals' periods, deadlines, gains and offsets are no part of it.
-    """
+    """Return what makes the program of a row: code, fields and types, but no numbers."""
     inputs, outputs = (
         tuple((each.topic, each.field, each.type, each.node) for each in signals)
         for signals in (row.inputs, row.outputs)

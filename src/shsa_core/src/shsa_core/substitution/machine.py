@@ -64,10 +64,7 @@ class Substitute:
         )
 
     def handle(self, event: Event) -> List[Command]:
-        """Return the commands that an event calls for.
-
-        What has become due meanwhile is among them, messages first.
-        """
+        """Return the commands that an event, and what is due by then, call for: messages first."""
         self._now = now = max(self._now, event.time)
         self._others.pass_time(now, self._wanted)
         commands = self._handlers[type(event)](event) or []
@@ -194,10 +191,7 @@ class Substitute:
         return self._prepare(event.rows) if self.row.idle else []
 
     def _prepare(self, rows: Iterable[Substitution]) -> List[Command]:
-        """Have no program, and be ready for one of those that are placed on this computer.
-
-        What cannot be used must not hurt the rest.
-        """
+        """Have no program, and be ready for each that is placed here, as far as it can be used."""
         self._job, self._refused = None, None
         here = self.row.host
         commands: List[Command] = []

@@ -49,10 +49,7 @@ class Readings:
                     readings[key] = time, value, stamp, publisher
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
-        """Return the values of `signals`.
-
-        None if one has never come or is older than its deadline: no value is invented.
-        """
+        """Return the values of `signals`; None if one has not come, or is past its deadline."""
         found = []
         for signal in signals:
             reading = self._reading(signal)
