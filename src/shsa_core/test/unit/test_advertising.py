@@ -67,7 +67,7 @@ class Unread(Dict[str, Any]):
 def test_what_is_not_due_costs_the_same_however_many_topics_there_are() -> None:
     advertising = prepared()
     run(advertising, 10.0)
-    advertising._ready.discard("/topic_7")
-    advertising._types = Unread(advertising._types)
+    advertising._topics["/topic_7"] = False
+    advertising._topics = Unread(advertising._topics)
     advertising.advertised("/topic_7", 10.0)
     assert advertising.next() > 10.0 and advertising.due(10.0) == []

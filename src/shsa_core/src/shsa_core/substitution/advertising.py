@@ -5,7 +5,7 @@ Then each end drops a connection, now and then not the same one, and none is lef
 would ever tell it again. And the master tells nobody of anything while three subscribers hang.
 """
 from itertools import count
-from typing import Collection, Dict, Iterable, List, Set, Tuple
+from typing import Collection, Dict, Iterable, List, Tuple
 
 from shsa_core.agenda import Agenda
 from shsa_core.model.service import Signal
@@ -17,8 +17,7 @@ class Advertising:
     """The topics of a substitute that are not withdrawn. Times in s."""
 
     def __init__(self) -> None:
-        self._types: Dict[str, str] = {}
-        self._ready: Set[str] = set()
+        self._topics: Dict[str, bool] = {}  # if messages can be published on each
         self._leaving: Agenda[str] = Agenda()
         self._hurried = ""  # of this topic we tell the consumers first, of others the master does
         self._reminders: List[float] = []  # of those who have not connected
@@ -26,18 +25,18 @@ class Advertising:
     @property
     def topics(self) -> Tuple[str, ...]:
         """Return every topic that is not withdrawn."""
-        return tuple(self._types)
+        return tuple(self._topics)
 
     def ready(self, topic: str) -> bool:
         """Return if messages can be published on a topic."""
-        return topic in self._ready
+        return self._topics.get(topic, False)
 
     def prepare(self, outputs: Iterable[Signal]) -> List[Command]:
         """Advertise the topics of `outputs`, without a hurry."""
         commands: List[Command] = []
         for each in outputs:
-            if each.topic not in self._types:
-                self._types[each.topic] = each.type
+            if each.topic not in self._topics:
+                self._topics[each.topic] = False
                 commands.append(Advertise(each.topic, each.type, each.latched))
         return commands
 
@@ -45,7 +44,7 @@ class Advertising:
         """Withdraw all topics but those `wanted`, one after the other from a moment on."""
         self._hurried = ""
         moments = count(begin, settings.WITHDRAW_PAUSE_S)
-        for name in self._types:
+        for name in self._topics:
             self._leaving.set(name, None if name in wanted else next(moments))
 
     def hurry(self, output: Signal, now: float) -> List[Command]:
@@ -58,9 +57,9 @@ class Advertising:
 
     def advertised(self, name: str, now: float) -> None:
         """A topic can be published on; where there is a hurry, tell everybody at once."""
-        if name not in self._types or name in self._ready:
+        if self._topics.get(name, True):
             return  # it was withdrawn meanwhile
-        self._ready.add(name)
+        self._topics[name] = True
         if self._hurried in ("", name):
             self._remind_from(now)
             self._reminders[:0] = [now] if self._hurried else []
@@ -74,13 +73,13 @@ class Advertising:
         """Return the withdrawals and reminders that are due."""
         leaving = tuple(self._leaving.pop_due(now))
         for name in leaving:
-            del self._types[name]
-        self._ready.difference_update(leaving)
+            del self._topics[name]
         commands: List[Command] = []
         if self._reminders and self._reminders[0] <= now:
             self._reminders = [each for each in self._reminders if each > now]
-            named = self._ready.intersection([self._hurried] if self._hurried else self._types)
-            commands += [Remind(tuple(sorted(named)))] if named else []
+            wanted = [self._hurried] if self._hurried else sorted(self._topics)
+            named = tuple(filter(self.ready, wanted))
+            commands += [Remind(named)] if named else []
         return commands + ([Withdraw(leaving)] if leaving else [])
 
     def next(self) -> float:

@@ -23,7 +23,8 @@ class Substitute:
     """Follows its row of the table of substitutions.
 
     Muted, it goes on computing, so that it can publish at once. Idle, it listens to what it might
-    have to compute from, and advertises what it might have to publish.
+    have to compute from, and advertises what it might have to publish. `next_deadline`: when the
+    next Tick is wanted; inf: not before another event.
     """
 
     def __init__(self) -> None:
@@ -42,7 +43,7 @@ class Substitute:
         self._types: Dict[str, str] = {}
         self._plans: Dict[str, Substitution] = {}
         self._unusable: Dict[Signal, str] = {}
-        self._wanted = math.inf  # when it wanted to wake
+        self.next_deadline = math.inf
         self._handlers: Table[Optional[List[Command]]] = table(
             Event,
             {
@@ -66,19 +67,17 @@ class Substitute:
     def handle(self, event: Event) -> List[Command]:
         """Return the commands that an event, and what is due by then, call for: messages first."""
         self._now = now = max(self._now, event.time)
-        self._others.pass_time(now, self._wanted)
+        self._others.pass_time(now, self.next_deadline)
         commands = self._handlers[type(event)](event) or []
         commands += self._speak()
         commands += self._publish()
         commands += self._handover.due(now)
         commands += self._advertising.due(now)
         commands += [] if self._hands_over else self._others.due(now)
-        self._wanted = self.next_deadline
+        self.next_deadline = self._next_deadline()
         return commands
 
-    @property
-    def next_deadline(self) -> float:
-        """Return when the next Tick is wanted; inf: not before another event."""
+    def _next_deadline(self) -> float:
         due = self.reads_at if self._values() is not None else math.inf
         # Nobody is filled in for while consumers are handed over: that ends by itself.
         others = self._others.next(self._now, not self._hands_over)

@@ -2,21 +2,13 @@
 import math
 from collections import defaultdict
 from dataclasses import replace
-from typing import Any, Callable, DefaultDict, Dict, Iterable, List, NamedTuple
+from typing import Any, Callable, DefaultDict, Dict, Iterable, List
 
 from shsa_core.dispatch import Table, table
 from shsa_core.model.log import Level
 from shsa_core.substitution import events
 from shsa_core.substitution.events import Command, Event, Log
 from shsa_core.substitution.machine import Substitute
-
-
-class _Wants(NamedTuple):
-    """Moments in s: the next Tick that a substitute wants, and its next reading of inputs."""
-
-    wake: float
-    hurries: bool
-    reads_at: float
 
 
 class Sharing:
@@ -28,7 +20,6 @@ class Sharing:
 
     def __init__(self) -> None:
         self._cores: Dict[str, Substitute] = {}
-        self._wants: Dict[str, _Wants] = {}
         self._concerned: DefaultDict[str, Dict[str, None]] = defaultdict(dict)  # by topic
         of_topic: Callable[[Any], List[Command]] = lambda e: self._tell(e, self._concerned[e.topic])
         self._handlers: Table[List[Command]] = table(
@@ -57,17 +48,17 @@ class Sharing:
     @property
     def next_deadline(self) -> float:
         """Return when the next Tick is wanted; inf: not before another event."""
-        return min((wants.wake for wants in self._wants.values()), default=math.inf)
+        return min((core.next_deadline for core in self._cores.values()), default=math.inf)
 
     @property
     def hurries(self) -> bool:
         """Return if what arrives is waited for by one of them."""
-        return any(wants.hurries for wants in self._wants.values())
+        return any(core.hurries for core in self._cores.values())
 
     @property
     def reads_at(self) -> float:
         """Return when one of them computes from its inputs next, in s."""
-        return min((wants.reads_at for wants in self._wants.values()), default=math.inf)
+        return min((core.reads_at for core in self._cores.values()), default=math.inf)
 
     def _row_changed(self, event: events.RowChanged) -> List[Command]:
         name = event.row.service
@@ -86,18 +77,14 @@ class Sharing:
         return self._tell(replace(event, alone=False), self._cores)
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        due = [name for name, wants in self._wants.items() if wants.wake <= event.time]
+        due = (name for name, core in self._cores.items() if core.next_deadline <= event.time)
         return self._tell(event, due)
 
     def _tell(self, event: Event, names: Iterable[str]) -> List[Command]:
-        """Have some substitutes handle an event, and note what each waits for then."""
         commands: List[Command] = []
         for name in list(names):
-            core = self._cores[name]
-            for command in core.handle(event):
+            for command in self._cores[name].handle(event):
                 commands += self._heed(name, command)
-            if name in self._cores:
-                self._wants[name] = _Wants(core.next_deadline, core.hurries, core.reads_at)
         return commands
 
     def _heed(self, name: str, command: Command) -> List[Command]:
@@ -118,7 +105,6 @@ class Sharing:
     def _drop(self, name: str) -> List[Command]:
         """End a substitute; what it has subscribed stays so."""
         core = self._cores.pop(name, None)
-        self._wants.pop(name, None)
         for concerned in self._concerned.values():
             concerned.pop(name, None)
         used = {topic for other in self._cores.values() for topic in other.topics}

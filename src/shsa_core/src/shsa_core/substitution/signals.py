@@ -9,10 +9,7 @@ from shsa_core.model.field import parse_field
 from shsa_core.model.service import Signal
 
 VARIABLE = "SHSA_SIGNALS"
-"""The environment variable in which a substitute's signals travel.
-
-One that has it starts muted, and asks nobody.
-"""
+"""The environment variable with the signals of a substitute: it starts muted, and asks nobody."""
 
 SHARED = "--shared"
 """The word on the command line of a process that several substitutes share."""
