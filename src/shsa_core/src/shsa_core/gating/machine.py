@@ -40,7 +40,7 @@ class _Original:
         """Tell if a message may be heard: it is good, and so were those before it."""
         good, failure = self.evidence.weigh(arrived.message, self.failure is not None)
         self.failure = self.failure or failure
-        if self.failure is not None and self.evidence.recovers(good):
+        if self.failure is not None and self.evidence.verdict.recovers(good):
             self.failure = None
         return good and self.failure is None
 

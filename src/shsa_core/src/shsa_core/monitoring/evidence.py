@@ -189,9 +189,8 @@ class Verdict:
     def __init__(self, checks: Checks) -> None:
         self._bad, self._seldom, self._least = checks.bad, 2 * checks.bad, checks.recovery
         self._short, self._long = (1 << checks.of) - 1, (1 << LONG_WINDOW * checks.of) - 1
-        self._history = self._past = 0
-        self.recovery = checks.recovery
-        """So many good messages in a row end a failure: more if it came and went before."""
+        self._history = self._past = self._good_in_a_row = 0
+        self._recovery = checks.recovery  # so many good ones: more if it came and went before
 
     def add(self, bad: bool) -> bool:
         """Count a message; tell if it was one bad one too many."""
@@ -202,9 +201,10 @@ class Verdict:
         recent = bin(self._history & self._short).count("1")
         guilty = recent >= self._bad or bin(self._history).count("1") >= self._seldom
         if guilty:
-            gaps = _gaps(self._past)
+            # Good messages in a row between bad ones.
+            gaps = [len(gap) for gap in bin(self._past)[2:].rstrip("0").split("1") if gap]
             comes_and_goes = len(gaps) >= COMES_AND_GOES
-            self.recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
+            self._recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
         return guilty
 
     @property
@@ -212,9 +212,14 @@ class Verdict:
         """True if the newest message was bad."""
         return bool(self._history & 1)
 
-    def clear(self) -> None:
-        """Forget what was bad."""
-        self._history = 0
+    def recovers(self, good: bool, steady: bool = True) -> bool:
+        """Count good, `steady` messages in a row; tell if the failure is over, and forget it."""
+        before = self._good_in_a_row if steady else 0
+        self._good_in_a_row = before + 1 if good else 0
+        if self._good_in_a_row < self._recovery:
+            return False
+        self._good_in_a_row = self._history = 0
+        return True
 
 
 class Evidence:
@@ -228,7 +233,7 @@ class Evidence:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
-        self.verdict, self._good_in_a_row = Verdict(service.checks), 0
+        self.verdict = Verdict(service.checks)
         self.rate, self.rate_was_good = _Rate(service), False
         self._checks = service.checks.each
         self._values = [_Value(provision, learned) for provision in checked]
@@ -284,16 +289,6 @@ class Evidence:
         guilty = self.verdict.add(finding is not None)
         return finding is None, finding if guilty else None
 
-    def recovers(self, good: bool, steady: bool = True) -> bool:
-        """Count good, `steady` messages in a row; tell if the failure is over, and forget it."""
-        before = self._good_in_a_row if steady else 0
-        self._good_in_a_row = before + 1 if good else 0
-        if self._good_in_a_row < self.verdict.recovery:
-            return False
-        self._good_in_a_row = 0
-        self.verdict.clear()
-        return True
-
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
         """Yield what each check that is due finds wrong with a message."""
         values: Dict[str, float] = {}
@@ -312,9 +307,3 @@ class Evidence:
                 sure = self.rate.beyond_doubt(rate)
                 self.rate_was_good = judge(self._checks, sure) is None
             yield judge(self._checks, rate)
-
-
-def _gaps(history: int) -> List[int]:
-    """Return the numbers of good messages in a row between bad ones."""
-    gaps = bin(history)[2:].rstrip("0").split("1")
-    return [len(gap) for gap in gaps if gap]

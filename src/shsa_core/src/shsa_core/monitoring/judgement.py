@@ -55,7 +55,7 @@ class Judgement:
         healthy = good and publisher.state is UNKNOWN
         if publisher.state is FAILED:
             steady = previous is not None and event.time - previous <= publisher.allowed
-            healthy = publisher.evidence.recovers(good, steady)
+            healthy = publisher.evidence.verdict.recovers(good, steady)
             if good and publisher.kind in QUIET:
                 self._board.touch(publisher)  # it speaks again: it is not to be ended as silent
         if healthy:

@@ -14,8 +14,6 @@ from shsa_core.substitution.settings import ALONE_LOOKS, FADES, LATE, LOOK_AGAIN
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
 
-Sources = Callable[[], Tuple[str, ...]]
-
 
 class OtherPublishers:
     """The other publishers of `topic`; empty: nobody is listened for. Times in s.
@@ -25,7 +23,7 @@ class OtherPublishers:
     fills in at the latest, sooner where the pace is regular; 0: it does not.
     """
 
-    def __init__(self, sources: Sources) -> None:
+    def __init__(self, sources: Callable[[], Tuple[str, ...]]) -> None:
         self.topic = ""
         self.heard, self.last = Heard.NOBODY, OtherHeard(-math.inf, "")
         self.original = Original.LOST
