@@ -14,31 +14,21 @@ from shsa_core.monitoring.settings import TOGETHER_NODES
 
 @dataclass(frozen=True)
 class Case:
-    """A publisher that is late since it `began` to be, and what else was going on. Times in s.
+    """A publisher that is late, and what else was going on. Times in s."""
 
-    `kind`: what it could be blamed for; None: nothing, it would teach how long it may be silent.
-    `limit`: until when alibis count. `due`: when it is late by the watch, which stands while nobody
-    could act. `reconnects_until`: until then it gives a connection that was lost anew. `busy`: when
-    healing connected to it, or a substitute came up, last; `short`: when it or the computer was
-    short of processor time. `paced`: the rate by the SOM is its own. `together`: how many nodes are
-    late, or out of range, with it, itself included. `confirmed`: what others tell is as far out of
-    range. `fed_badly`: what it is computed from is at fault as well. `robot_came`: some node of the
-    robot was there, or was under a former monitor.
-    """
-
-    kind: Optional[Kind]
+    kind: Optional[Kind]  # what it could be blamed for; None: nothing, it would teach a deadline
     now: float
-    began: float
-    limit: float = inf
-    due: float = -inf
-    reconnects_until: float = -inf
-    busy: float = -inf
-    short: float = -inf
-    paced: bool = True
-    together: int = 1
-    confirmed: bool = False
-    fed_badly: bool = False
-    robot_came: bool = True
+    began: float  # when that began
+    limit: float = inf  # until when alibis count
+    due: float = -inf  # when it is late by the watch, which stands while nobody could act
+    reconnects_until: float = -inf  # by then it gives a lost connection anew
+    busy: float = -inf  # when healing connected to it, or a substitute came up, last
+    short: float = -inf  # when it or the computer was short of processor time
+    paced: bool = True  # the rate by the SOM is its own
+    together: int = 1  # nodes that are late, or out of range, with it, itself included
+    confirmed: bool = False  # what others tell is as far out of range
+    fed_badly: bool = False  # what it is computed from is at fault as well
+    robot_came: bool = True  # some node of it was there, or was under a former monitor
 
 
 class Alibi(NamedTuple):

@@ -77,22 +77,15 @@ class Interrupted(PublisherEvent):
 
 @dataclass(frozen=True)
 class Message(PublisherEvent):
-    """A message came.
+    """A message came."""
 
-    `values`: those of `checked_provisions` of its service, each None where the message has none;
-    None: they were not decoded. `error`: why that failed. `age`: s since its stamp, None: it has
-    none. `waited`: s that it may have waited at most for the monitor to read it. `apart`: s by
-    which simulated time and ours have gone apart so far, see `pace`; None: time is not simulated.
-    `stamp`: in ns, as it came; 0: it has none. `form`: its frames and the lengths of its arrays.
-    """
-
-    values: Optional[Tuple[Optional[float], ...]] = None
-    error: str = ""
-    age: Optional[float] = None
-    waited: float = 0.0
-    apart: Optional[float] = None
-    stamp: int = 0
-    form: Parts = ()
+    values: Optional[Tuple[Optional[float], ...]] = None  # of checked_provisions; None: not read
+    error: str = ""  # why it could not be decoded
+    age: Optional[float] = None  # s since its stamp; None: it has none
+    waited: float = 0.0  # s, at most, for the monitor to read it
+    apart: Optional[float] = None  # s of simulated time from ours so far; None: there is none
+    stamp: int = 0  # in ns, as it came; 0: it has none
+    form: Parts = ()  # its frames and the lengths of its arrays
 
 
 @dataclass(frozen=True)
@@ -124,26 +117,20 @@ class Ending(Event):
 
 @dataclass(frozen=True)
 class HealthChanged:
-    """New and changed rows of the table of health, and those that are gone.
-
-    `failed`: the rows that tell of new failures, also of who is forgotten at once.
-    """
+    """New and changed rows of the table of health, and those that are gone."""
 
     time: float
     rows: Tuple[PublisherHealth, ...]
     removed: Tuple[Key, ...] = ()
-    failed: Tuple[PublisherHealth, ...] = ()
+    failed: Tuple[PublisherHealth, ...] = ()  # of new failures, also of who is forgotten at once
 
 
 @dataclass(frozen=True)
 class ChangeRefused:
-    """Changed numbers of a service are refused, since a healthy publisher violates them.
+    """Changed numbers of a service are refused, since a healthy publisher violates them."""
 
-    `service` has the numbers that count; `text`: what was to change, and what the publisher does.
-    """
-
-    service: Service
-    text: str
+    service: Service  # with the numbers that count
+    text: str  # what was to change, and what the publisher does
 
 
 Command = Union[HealthChanged, ChangeRefused, CalibrationsChanged, Log]

@@ -26,18 +26,14 @@ class Condition(Word):
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """One service, its condition in words, and the publishers that it comes from.
-
-    `deadline`: the silence that its node is allowed, in words; empty: it is not learned.
-    `bridged`: how often a muted substitute has filled in for a late message of it so far.
-    """
+    """One service, its condition in words, and the publishers that it comes from."""
 
     service: Service
     condition: Condition
     detail: str
     publishers: Tuple[PublisherHealth, ...]
-    deadline: str = ""
-    bridged: int = 0
+    deadline: str = ""  # the silence that its node is allowed; empty: it is not learned
+    bridged: int = 0  # so often has a muted substitute filled in for it
 
 
 def overview(som: Som, board: Board) -> Tuple[ServiceHealth, ...]:

@@ -22,23 +22,16 @@ NUMBER = re.compile(r"(?<!\w)-?\d[\d.e+-]*")
 
 @dataclass(eq=False)
 class WatchedService:
-    """One service of a topic. `deadline`: s of silence that are allowed, inf: any.
-
-    `came`: a message, or somebody connected if it is event-driven; `due`: when that is missed, inf:
-    it came, or it was told that it did not. `formerly`: who did well under a former monitor, and
-    when that was told. `learned`: what is known of its node's values; `gaps`: of the gaps between
-    its messages, None: its deadline is a fixed one. `bridged`: how often a muted substitute filled
-    in for it so far.
-    """
+    """One service of a topic. Times in s."""
 
     service: Service
-    deadline: float
-    due: float
-    formerly: Tuple[str, float] = ("", 0.0)
-    came: bool = False
-    learned: Learned = field(default_factory=dict)
-    gaps: Optional[LearnedDeadline] = None
-    bridged: int = 0
+    deadline: float  # the silence that is allowed; inf: any
+    due: float  # when it is missed; inf: it came, or it was told that it did not
+    formerly: Tuple[str, float] = ("", 0.0)  # well under a former monitor, and when that was told
+    came: bool = False  # a message, or somebody connected if it is event-driven
+    learned: Learned = field(default_factory=dict)  # of its node's values
+    gaps: Optional[LearnedDeadline] = None  # between its messages; None: its deadline is fixed
+    bridged: int = 0  # so often did a muted substitute fill in for it
 
     def come(self) -> None:
         """Await nobody any more."""
@@ -61,22 +54,12 @@ class WatchedService:
 
 @dataclass(eq=False)
 class Publisher:
-    """One life of one publisher of one topic, and all that is held against it. Times in s.
-
-    `watched`: the service that it provides; if nobody can tell, `topic.unknown`, so that only its
-    connection is watched. `silent_since`: since its last message, or since it could be heard again
-    after that. `excused_until`: until then its silence has an alibi. `reconnects_until`: its
-    connection was lost since its last message, while its node lived, and is given anew by then;
-    -inf: it was not. `steady`: a message came within its deadline once. `suspicions`: what others
-    hold against its values, by property. `logged`: what people were told of it. `uri`: where its
-    process is. `retired`: it is a substitute that the table names no more. `filled_in`: when it
-    bridged last, as a muted substitute.
-    """
+    """One life of one publisher of one topic, and all that is held against it. Times in s."""
 
     topic: "WatchedTopic" = field(repr=False)
     name: str
     since: float
-    watched: WatchedService
+    watched: WatchedService  # `topic.unknown`: nobody can tell, its connection alone is watched
     evidence: Evidence = field(init=False)
     connected: bool = True
     state: PublisherState = PublisherState.UNKNOWN
@@ -86,17 +69,17 @@ class Publisher:
     last_heard: Optional[float] = None
     last_good: Optional[float] = None
     messages: int = 0
-    silent_since: Optional[float] = None
-    excused_until: float = -inf
-    reconnects_until: float = -inf
-    steady: bool = False
+    silent_since: Optional[float] = None  # its last message, or that it is heard again after one
+    excused_until: float = -inf  # by then its silence has an alibi
+    reconnects_until: float = -inf  # by then a lost connection is given anew; -inf: none was
+    steady: bool = False  # a message came within its deadline once
     intruding_since: float = inf
     backlog: Backlog = field(default_factory=Backlog)
-    suspicions: Dict[str, Suspicion] = field(default_factory=dict)
-    logged: Set[str] = field(default_factory=set)
-    uri: str = ""
-    retired: bool = False
-    filled_in: float = -inf
+    suspicions: Dict[str, Suspicion] = field(default_factory=dict)  # by property
+    logged: Set[str] = field(default_factory=set)  # what people were told of it
+    uri: str = ""  # of its process
+    retired: bool = False  # it is a substitute that the table names no more
+    filled_in: float = -inf  # when it bridged last, as a muted substitute
 
     def __post_init__(self) -> None:
         self.evidence = self._new_evidence()
@@ -214,13 +197,10 @@ class Publisher:
 
 @dataclass(eq=False)
 class WatchedTopic:
-    """One watched topic: its services by name, and its publishers; while there are none, NOBODY.
-
-    `subscribed`: who publishes it can be heard. `unknown`: the service of whom nobody knows.
-    """
+    """One watched topic: its services by name, and its publishers; while there are none, NOBODY."""
 
     name: str
-    subscribed: bool = False
+    subscribed: bool = False  # who publishes it can be heard
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)

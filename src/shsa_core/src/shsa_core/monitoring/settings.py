@@ -6,14 +6,10 @@ from shsa_core.model.service import Deadlines
 
 @dataclass(frozen=True)
 class Settings:
-    """The monitor's settings.
+    """The monitor's settings."""
 
-    `startup_grace`: s until a service that has never been there has failed.
-    `minimum_deadline`: s; the least silence that a publisher is blamed for by its period.
-    """
-
-    startup_grace: float = 15.0
-    minimum_deadline: float = Deadlines.minimum
+    startup_grace: float = 15.0  # s until a service that has never been there has failed
+    minimum_deadline: float = Deadlines.minimum  # s; the least silence that is blamed
 
     @property
     def deadlines(self) -> Deadlines:

@@ -36,38 +36,29 @@ class Event:
 
 @dataclass(frozen=True)
 class RowChanged(Event):
-    """The table of substitutions has a new row of this node; the first: it was started with that.
-
-    `last`: what its last good message held; None: it has none that can be read.
-    """
+    """The table has a new row of this node; the first: it was started with that."""
 
     row: Substitution
     unusable: Unusable = ()
-    last: Optional[LastMessage] = None
+    last: Optional[LastMessage] = None  # None: it has none that can be read
     ros_time: int = 0
 
 
 @dataclass(frozen=True)
 class RowRemoved(Event):
-    """The table of substitutions has no row of this node, or of this `service` in it, any more.
-
-    `ended`: it was taken out; else the table is that of a reconfigurator that was started anew.
-    """
+    """The table of substitutions has no row of this node, or of this `service` in it, any more."""
 
     service: str = ""
-    ended: bool = False
+    ended: bool = False  # it was taken out; else the table is of a new reconfigurator
 
 
 @dataclass(frozen=True)
 class PlansChanged(Event):
-    """The plans of warm services, for which an idle process prepares, that are new or changed.
-
-    `removed`: the services that have none any more; `whole`: there are no others than `rows`.
-    """
+    """The plans of warm services, for which an idle process prepares, that are new or changed."""
 
     rows: Tuple[Substitution, ...]
-    removed: Tuple[str, ...] = ()
-    whole: bool = False
+    removed: Tuple[str, ...] = ()  # the services that have none any more
+    whole: bool = False  # there are no others than `rows`
     unusable: Unusable = ()
 
 
@@ -145,15 +136,11 @@ class LookAtOthers(Act):
 
 @dataclass(frozen=True)
 class OthersStand(Event):
-    """The answer to a look: the connection stands or not.
-
-    `alone`: our heartbeats are not heard by the reconfigurator, or the agent of our computer, or
-    not by a monitor on it.
-    """
+    """The answer to a look: the connection stands or not."""
 
     look: LookAtOthers
     stands: bool
-    alone: bool = False
+    alone: bool = False  # the reconfigurator, agent or monitor does not hear our heartbeats
 
 
 @dataclass(frozen=True)
@@ -216,33 +203,25 @@ class Withdraw(Act):
 
 @dataclass(frozen=True)
 class Compose(Act):
-    """From now on messages on a topic start from `last_message`, serialized; empty: not known.
-
-    `written`: the fields that are computed, each with its standard deviation, None: not known.
-    `others`: what stands in the other fields. `overheard`: they start from the newest message that
-    was heard of somebody else, if any was.
-    """
+    """From now on messages on a topic start from `last_message`, serialized; empty: not known."""
 
     topic: str
     type: str
-    written: Tuple[Tuple[str, Optional[float]], ...]
-    others: Others = Others.UNKNOWN
+    written: Tuple[Tuple[str, Optional[float]], ...]  # what is computed, and its standard deviation
+    others: Others = Others.UNKNOWN  # what stands in the other fields
     last_message: bytes = b""
-    overheard: bool = False
+    overheard: bool = False  # they start from the newest message of somebody else, if any
 
 
 @dataclass(frozen=True)
 class Publish(Act):
-    """Publish one message with `values` in the fields `outputs`.
-
-    It goes to the consumer `only`; empty: to every one but those in `served`. `stamp` 0: now.
-    """
+    """Publish one message with `values` in the fields `outputs`."""
 
     outputs: Tuple[Signal, ...]
     values: Tuple[float, ...]
-    served: FrozenSet[str] = frozenset()
-    only: str = ""
-    stamp: int = 0
+    served: FrozenSet[str] = frozenset()  # who does not get it
+    only: str = ""  # who alone gets it; empty: everybody else
+    stamp: int = 0  # 0: now
 
 
 @dataclass(frozen=True)

@@ -41,9 +41,7 @@ class Schedule:
 class Job:
     """The program of one row of the table of substitutions.
 
-    `latest`: what it yielded last, None if nothing. `unstarted`: the fields of its outputs that are
-    integrals from nobody knows where. Raises ShsaError if the program is not valid, or if its
-    outputs are not of one topic.
+    Raises ShsaError if the program is not valid, or if its outputs are not of one topic.
     """
 
     def __init__(self, row: Substitution, now: float) -> None:
@@ -56,11 +54,12 @@ class Job:
         self._program = program
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
+        # Integrals from nobody knows where.
         self.unstarted = {signal.field for signal, sum_ in sums if sum_ is not None}
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
         self.schedule = Schedule(self.period, now)
-        self.latest: Optional[Tuple[float, ...]] = None
+        self.latest: Optional[Tuple[float, ...]] = None  # what it yielded last, if anything
         self._stepped = self._rests_until = -math.inf
         self._misses, self._allowed = 0, settings.FIRST_MISSES
         self._complained = False

@@ -18,16 +18,15 @@ from shsa_core.watch import Watch
 class OtherPublishers:
     """The other publishers of `topic`; empty: nobody is listened for. Times in s.
 
-    `sources()` tells who publishes what the program reads. `last`: the newest message of theirs.
-    `heals`: beyond a cut the substitute may decide by itself. `bridge`: the silence after which it
-    fills in at the latest, sooner where the pace is regular; 0: it does not.
+    `sources()` tells who publishes what the program reads.
     """
 
     def __init__(self, sources: Callable[[], Tuple[str, ...]]) -> None:
         self.topic = ""
         self.heard, self.last = Heard.NOBODY, OtherHeard(-math.inf, "")
         self.original = Original.LOST
-        self.heals, self.bridge = False, 0.0
+        self.heals = False  # beyond a cut the substitute may decide by itself
+        self.bridge = 0.0  # the silence after which it fills in at the latest; 0: it does not
         self._sources = sources
         self._watch = Watch()
         self._since = -math.inf  # when they were heard, or it began to listen
