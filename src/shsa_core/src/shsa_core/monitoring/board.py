@@ -212,10 +212,7 @@ class Board:
         self.touch(publisher)
 
     def note(self, publisher: Publisher, detail: str, log: bool = False) -> None:
-        """Tell why one that has not failed is not blamed, or what is unusual; empty: nothing is.
-
-        `log`: people are told as well, once in a life of it, whatever its numbers.
-        """
+        """Tell why one is not blamed, or what is unusual, or nothing; `log`: people too, once."""
         if publisher.detail != detail:
             publisher.detail = detail
             self.touch(publisher)

@@ -97,15 +97,11 @@ class Tick(Event):
 
 @dataclass(frozen=True)
 class ClockTicked(Event):
-    """ROS time was `ros_time` s; `simulated`: it comes from /clock, and not from this computer.
-
-    `waited`: s in all in which something waited for a processor, by the kernel, as far as that is
-    known: the threads of a node, by its name; any on this computer, by the empty name.
-    """
+    """ROS time was `ros_time` s."""
 
     ros_time: float
-    simulated: bool = False
-    waited: Tuple[Tuple[str, float], ...] = ()
+    simulated: bool = False  # it comes from /clock, and not from this computer
+    waited: Tuple[Tuple[str, float], ...] = ()  # s for a processor so far, by node; "": of any here
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,10 @@ from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 
 class Condition(Word):
-    """The condition of a service.
-
-    DOUBTFUL: its node is healthy, but others contradict it, a value is unusual or out of range, or
-    somebody who fails publishes beside it.
-    """
+    """The condition of a service."""
 
     HEALTHY = "healthy"
-    DOUBTFUL = "doubtful"
+    DOUBTFUL = "doubtful"  # healthy, but contradicted, unusual, or beside one that fails
     SUBSTITUTED = "substituted"
     STARTING = "starting"
     LOST = "lost"

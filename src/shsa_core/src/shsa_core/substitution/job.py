@@ -71,10 +71,7 @@ class Job:
         self._words = words(row)
 
     def follow(self, row: Substitution, now: float) -> bool:
-        """Go on with the numbers of `row`, if it has the same program; return if it has.
-
-        What the program remembers, filters and the like, stays; so does its phase.
-        """
+        """Return if a row has the same program: go on with its numbers, and what is remembered."""
         if words(row) != self._words:
             return False
         self._take(row)
