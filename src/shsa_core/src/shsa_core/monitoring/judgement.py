@@ -93,11 +93,9 @@ class Judgement:
         intrusion = self._intrusion(publisher)
         if intrusion is not None:
             good, failure = False, intrusion
-        quiet = publisher.kind in QUIET
-        if failure is not None and (publisher.state is not FAILED or quiet):
+        if failure is not None and (publisher.state is not FAILED or publisher.kind in QUIET):
             self._board.fail(publisher, failure.kind, failure.detail)
-        evidence = publisher.evidence
-        notable = publisher.detail or publisher.suspicions or evidence.unusual
+        notable = publisher.detail or publisher.suspicions or publisher.evidence.unusual
         if publisher.kind is None and (alibi or good and notable):
             self._note(publisher, alibi)
         return good

@@ -182,17 +182,9 @@ class Publisher:
 
     def row(self) -> PublisherHealth:
         """Return its row in the table."""
-        return PublisherHealth(
-            *self.key,
-            self.state,
-            self.since,
-            self.first_message,
-            self.last_good,
-            self.kind,
-            self.detail,
-            self.service.name,
-            uri=self.uri,
-        )
+        whose = self.topic.name, self.name, self.state
+        row = (*whose, self.since, self.first_message, self.last_good, self.kind, self.detail)
+        return PublisherHealth(*row, self.service.name, uri=self.uri)
 
 
 @dataclass(eq=False)

@@ -112,14 +112,10 @@ class Surroundings:
                 self._board.look_when_due(publisher)
 
     def _late(self, kind: Optional[Kind], gap: _Gap, together: Optional[int] = None) -> Case:
-        return Case(
-            kind,
-            gap.ended,
-            gap.began,
-            busy=max(self._busy.get(each, -inf) for each in ("", gap.node)),
-            short=self.short(gap.node),
-            together=self._late_with(gap) if together is None else together,
-        )
+        together = self._late_with(gap) if together is None else together
+        short = self.short(gap.node)
+        busy = max(self._busy.get(each, -inf) for each in ("", gap.node))
+        return Case(kind, gap.ended, gap.began, busy=busy, short=short, together=together)
 
     def _late_with(self, gap: _Gap) -> int:
         """Return how many nodes were silent for half of a gap at least, up to TOGETHER_NODES."""
