@@ -217,10 +217,7 @@ class WatchedTopic:
         return [each for name, each in self.services.items() if each is not old.get(name)]
 
     def service_of(self, publisher: str, substituted: str) -> WatchedService:
-        """Return the service that a publisher provides, in place of `substituted`, if of any.
-
-        Whoever is not known stands for the topic's service if there is only one.
-        """
+        """Return the service of a publisher: its own, that `substituted`, or the only one."""
         alone = next(iter(self.services.values())) if len(self.services) == 1 else self.unknown
         return self.nodes.get(publisher) or self.services.get(substituted) or alone
 

@@ -13,11 +13,7 @@ from shsa_core.monitoring.surroundings import Surroundings
 
 
 class StartUp:
-    """Waits for the first message of each service, `grace` s at most. Times in s.
-
-    A robot that is not there at all is awaited, and nobody is blamed. Who did well under a former
-    monitor is there already, and is missed soon.
-    """
+    """Waits `grace` s for the first message of a service, less if its node did well. Times in s."""
 
     def __init__(self, board: Board, grace: float, around: Surroundings) -> None:
         self._board, self._grace, self._around = board, grace, around

@@ -87,10 +87,7 @@ class Surroundings:
         return Case(Kind.OUT_OF_RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, publisher: Publisher, began: float) -> None:
-        """Learn from the gap of a healthy publisher.
-
-        One that is long waits for `learn`: only then it is known if the monitor was held up.
-        """
+        """Learn from the gap of a healthy publisher; from a long one once the next look is done."""
         learned, service, length = publisher.learned, publisher.service, self._board.now - began
         if length >= settings.MISSED_PERIODS * (service.period or length):
             gap = _Gap(publisher.name, began, self._board.now)
