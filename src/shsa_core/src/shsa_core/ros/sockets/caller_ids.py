@@ -23,8 +23,8 @@ NOT_LISTED = "the master does not list this name at its address: it counts for n
 class CallerIds:
     """Asks the master whose connections are, and remembers where it said that nodes are.
 
-    All methods are for one thread. `tell(connection, node, at)` is called from others with what is
-    to be `answered`. `refused(topic, claim, why)` is called for who is not whom it calls itself.
+    For one thread. `tell(connection, node, at)` is called from others with what is to be
+    `answered`, `refused(topic, claim, why)` for who is not whom it calls itself.
     """
 
     def __init__(
@@ -59,10 +59,9 @@ class CallerIds:
         return self._nodes.get(node) == uri
 
     def answered(self, connection: Connection, node: Optional[str], at: str) -> bool:
-        """Take the master's answer; return whether the connection is known by it.
+        """Take the answer that a connection is to `node`, at `at`; return whether it is known now.
 
-        It is to `node`, which listens at `at`. `node` is empty if nobody is there for the topic,
-        and None if the master did not answer.
+        `node` is empty if nobody is there for the topic, and None if the master did not answer.
         """
         tries = self._tries.get(connection)
         if tries is None:

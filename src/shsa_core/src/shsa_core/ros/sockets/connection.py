@@ -1,9 +1,8 @@
 """A standing connection to a publisher: what is read from it, cut into messages, and when it came.
 
-A message is its length in four bytes, and so many bytes. Of each only what is wanted is copied: the
-rest of a large one is dropped in the kernel (`man 7 tcp`, MSG_TRUNC), counted and never copied.
-When what is read later had come, the kernel notes (`man 7 socket`): so who is in no hurry need not
-wake for each.
+A message is its length in four bytes, and so many bytes. The rest of a large one that is not wanted
+is dropped in the kernel (`man 7 tcp`, MSG_TRUNC). When what is read later had come, the kernel
+notes (`man 7 socket`): so who is in no hurry need not wake for each.
 """
 import socket
 import struct
@@ -52,14 +51,13 @@ class Connection:
         connected = self.transport.socket
         if connected is None:
             return False
-        try:
+        with suppress(OSError):
             stands = self.frames.read(connected)
             if self.frames.expected != self.expects:
                 self.expects = self.frames.expected
                 connected.setsockopt(socket.SOL_SOCKET, socket.SO_RCVLOWAT, self.expects)
-        except OSError:
-            return False
-        return stands
+            return stands
+        return False
 
     def decoder(self, kind: str, fields: Tuple[str, ...]) -> Optional[Decoder]:
         """Return what reads fields of its messages; None, with a warning, if they are no `kind`."""
@@ -105,8 +103,7 @@ class Frame(NamedTuple):
 class Frames:
     """Reads messages from a socket that does not block.
 
-    `wanted` may change at any time. It counts for a message until its head was read; so that of
-    one that is under way may come in part although all of it is wanted by then.
+    `wanted` may change at any time; it counts for messages whose head was not read yet.
     """
 
     def __init__(self) -> None:
@@ -124,10 +121,7 @@ class Frames:
 
     @property
     def expected(self) -> int:
-        """Return how many bytes come before anybody need look; 1: look at each.
-
-        It may be wrong: a message need not be as large as the one before.
-        """
+        """Return how many bytes probably come before anybody need look; 1: look at each."""
         dropping = self._large and not self._buffer and not self._more
         return settings.EXPECTED_B if dropping else 1
 
@@ -186,7 +180,6 @@ class Frames:
         del buffer[:start]
 
     def _passed(self, count: int) -> None:
-        """Count bytes of a message that are not wanted."""
         self._rest -= count
         if not self._rest and self._cut is not None:
             self._found.append(self._cut)
@@ -248,17 +241,14 @@ class ArrivalTimes:
         before, looked = self.before, self.looked
         ago, span = (looked.wall - noted) / 1e9 if noted else 0.0, looked.here - before.here
         if ago < 0.0:
-            return self._after(min(-ago, read - looked.here))
+            return self.at(min(looked.here - ago, read))
         share = min(ago / span, 1.0) if span > 0.0 else 0.0
         time_ = looked.time - share * (looked.time - before.time)
         return time_, looked.ros_time - round(share * (looked.ros_time - before.ros_time))
 
     def at(self, here: float) -> Tuple[float, int]:
         """Return the same of a moment on the monotonic clock."""
-        return self._after(here - self.looked.here)
-
-    def _after(self, since: float) -> Tuple[float, int]:
-        since = max(0.0, since)
+        since = max(0.0, here - self.looked.here)
         return self.looked.time + since, self.looked.ros_time + round(1e9 * since)
 
     def _moment(self) -> Moment:

@@ -23,16 +23,14 @@ from shsa_core.ros.workers import Workers
 def refuses(host: str, uri: str) -> bool:
     """Return whether nobody listens any more where the node at `uri` did, on `host`.
 
-    A process that dies closes its connections before the socket that it listens on: who accepts is
-    given a moment to drop the call.
+    A process that dies closes its connections first: who accepts has a moment to drop the call.
     """
     try:
         port = address(uri).port
     except BadAnswer:
         return False
     end = _now() + settings.REST_S
-    left = settings.REST_S
-    while left > 0.0:
+    while (left := end - _now()) > 0.0:
         with socket.socket(family(host)) as caller:
             caller.settimeout(left)
             try:
@@ -42,10 +40,9 @@ def refuses(host: str, uri: str) -> bool:
             except ConnectionRefusedError:
                 return True
             except ConnectionResetError:
-                pass
+                continue
             except OSError:
                 return False
-        left = end - _now()
     return False
 
 
@@ -53,8 +50,8 @@ def refuses(host: str, uri: str) -> bool:
 class Doubt:
     """Somebody who is not connected any more, and may be gone; or never was: `publisher` is empty.
 
-    It is asked for another connection TRIES times, and may not have answered yet (`waits`).
-    `until`: when that took too long; so it did `pauses` times. `gone`: that is certain.
+    It was asked for another connection, and may not have answered yet (`waits`). `until`: when
+    that took too long; so it did `pauses` times. `gone`: that is certain.
     """
 
     topic: str
@@ -96,10 +93,6 @@ class Reconnection:
         return (topic, uri) in self._doubts
 
     def _answered(self, doubt: Doubt, willing: Optional[bool]) -> List[Doubt]:
-        """See what follows if who was asked is `willing`, unless it is not that doubt any more.
-
-        None: it has not answered.
-        """
         if self._doubts.get((doubt.topic, doubt.uri)) is not doubt:
             return []
         doubt.waits, doubt.gone = False, willing is False

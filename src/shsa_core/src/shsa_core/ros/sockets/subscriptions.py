@@ -1,12 +1,9 @@
 """Subscriptions that one thread reads: who connects, who is gone, and every message.
 
-rospy makes the connections, each in a thread that then reads and calls back. Here that thread ends
-when the connection stands, and whoever calls `read` gets the messages straight from the sockets:
-what the kernel has received by then is handled before anybody is judged, and a connection that ends
-is seen after its last message. Whether its node has gone then, `reconnection` tells.
-
-A connection counts for nobody until `identity` knows whose it is: what comes is read and dropped,
-save the newest message, so that nobody who publishes is held up.
+rospy makes the connections. Its thread ends when one stands, and whoever calls `read` gets the
+messages straight from the sockets: what the kernel has received by then is handled before anybody
+is judged. Until `caller_ids` knows whose a connection is, what comes is read and dropped, save the
+newest message. Whether a node whose connection has ended is gone, `reconnection` tells.
 """
 import os
 import select
@@ -27,13 +24,16 @@ READABLE = select.EPOLLIN | select.EPOLLRDHUP
 
 
 class Inbox:
-    """Waits on the monotonic clock: a jump of the wall clock neither wakes nor holds its reader."""
+    """Waits on the monotonic clock: a jump of the wall clock neither wakes nor holds its reader.
+
+    By `select`: `epoll.poll(timeout)` rounds up to whole ms, which is too long at 1 kHz.
+    """
 
     def __init__(self) -> None:
         self._items: Deque[Any] = deque()
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._reader, False)
-        self._waking, self._later, self._hung_up = (select.epoll() for _ in range(3))
+        self._readable, self._waking, self._hung_up = (select.epoll() for _ in range(3))
         self._waking.register(self._reader, select.EPOLLIN)
         self._woken = False
 
@@ -49,34 +49,26 @@ class Inbox:
             os.write(self._writer, b"!")
 
     def watch(self, descriptor: int, wakes: bool = True) -> None:
-        """Wait for this descriptor as well; it is forgotten when it is closed.
-
-        One that does not wake is among the ready ones alone.
-        """
-        (self._waking if wakes else self._later).register(descriptor, READABLE)
+        """Wait for this descriptor as well, or for its end alone, until it is closed."""
+        self._readable.register(descriptor, READABLE)
+        self._waking.register(descriptor, READABLE if wakes else select.EPOLLRDHUP)
         self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
     def watch_otherwise(self, descriptor: int, wakes: bool) -> None:
         """Have a watched descriptor wake from now on, or not."""
-        before, after = (self._later, self._waking) if wakes else (self._waking, self._later)
-        before.unregister(descriptor)
-        after.register(descriptor, READABLE)
+        self._waking.modify(descriptor, READABLE if wakes else select.EPOLLRDHUP)
 
     def wait(self, timeout: float) -> None:
         """Sleep for at most `timeout` s, or until there is something, or a descriptor hangs up."""
-        _wait(timeout, self._waking, self._hung_up)
+        select.select([self._waking], (), (), max(0.0, timeout))
 
     def rest(self, timeout: float) -> None:
         """Sleep for `timeout` s whatever is sent, but no longer once a descriptor has hung up."""
-        _wait(timeout, self._hung_up)
+        select.select([self._hung_up], (), (), max(0.0, timeout))
 
     def ready(self) -> Set[int]:
         """Return the watched descriptors that are readable now."""
-        found = {
-            descriptor for each in (self._waking, self._later) for descriptor, _ in each.poll(0)
-        }
-        found.discard(self._reader)
-        return found
+        return {descriptor for descriptor, _ in self._readable.poll(0)}
 
     def take(self) -> List[Any]:
         """Return what has been put so far, in order."""
@@ -86,16 +78,8 @@ class Inbox:
         return [self._items.popleft() for _ in range(len(self._items))]
 
 
-def _wait(timeout: float, *polled: Any) -> None:
-    """Wait as `epoll.poll(timeout)`, which rounds up to whole ms: too long at 1 kHz."""
-    select.select(polled, (), (), max(0.0, timeout))
-
-
 class Arrived(NamedTuple):
-    """A message has come, at ROS time `ros_time` in ns.
-
-    `whole`: its data is all of it, and not only what was wanted.
-    """
+    """A message has come, at ROS time `ros_time` in ns; `whole`: its data is all of it."""
 
     time: float
     connection: Connection
@@ -112,9 +96,9 @@ Happen = Callable[[], Iterable[Happening]]
 class Subscriptions:
     """The connections of every subscribed topic.
 
-    All methods are for one thread, which sleeps in `inbox`; only `subscribe` may be called from
-    another one. Times are those of `now`, the robot's clock. `refused(topic, claim, why)` is called
-    for who is not whom it calls itself. On a topic that `wakes`, what comes wakes the reader.
+    All methods but `subscribe` are for one thread, which sleeps in `inbox`. Times are those of
+    `now`, the robot's clock. `refused(topic, claim, why)` is called for who is not whom it calls
+    itself. On a topic that `wakes`, what comes wakes the reader.
     """
 
     def __init__(
@@ -135,7 +119,7 @@ class Subscriptions:
         self.topics: Dict[str, HandedOver] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
         self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
-        self._hurried: Set[int] = set()  # descriptors that are read whether they are ready or not
+        self._large: Set[int] = set()  # descriptors that are ready late: less may come
 
     def subscribe(self, topic: str) -> None:
         """Subscribe `topic`; waits for the master."""
@@ -168,10 +152,7 @@ class Subscriptions:
         return time - self._times.before.time
 
     def read(self, since: float = float("-inf")) -> List[Happening]:
-        """Return what has happened and come, in order; none of it before `since`.
-
-        To be called after what is in `inbox` was taken.
-        """
+        """Return what has happened and come, in order; none before `since`. Take `inbox` before."""
         looked = self._times.look()
         self._time = looked.time
         found: List[Happening] = []
@@ -181,7 +162,7 @@ class Subscriptions:
                 found += happen()
         self._caller_ids.ask_again()
         since = looked.time if found else since
-        ready, self._hurried = self.inbox.ready() | self._hurried, set()
+        ready, self._large = self.inbox.ready() | self._large, set()
         came = [*self._read(ready, since), *self._gone(self._reconnection.overdue())]
         return [*found, *sorted([*came, Tick(looked.time)], key=lambda each: each.time)]
 
@@ -198,7 +179,6 @@ class Subscriptions:
         self._tell(connection.topic, happen)
 
     def _closed(self, topic: str, transport: Any) -> Iterator[Happening]:
-        """See what follows from a connection that rospy has closed."""
         for connection in list(self._standing.values()):
             if connection.transport is transport:
                 yield from self._lose(connection)
@@ -216,7 +196,6 @@ class Subscriptions:
         if connection.descriptor in self._standing:
             yield from self._lose(self._standing[connection.descriptor])
         self._standing[connection.descriptor] = connection
-        self._hurried.add(connection.descriptor)
         connection.wakes = self._wakes(topic)
         try:
             self.inbox.watch(connection.descriptor, connection.wakes)
@@ -267,7 +246,7 @@ class Subscriptions:
                 yield from self._lose(connection)
                 continue
             if connection.expects > 1:
-                self._hurried.add(descriptor)  # it may be less than is expected
+                self._large.add(descriptor)
             if not connection.wakes and len(connection.frames):
                 connection.is_large = True  # who sends it would wait for us
                 self._have_wake(connection, True)
@@ -297,7 +276,6 @@ class Subscriptions:
         self._caller_ids.drop(connection)
 
     def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
-        """Say who is gone, or may be."""
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._caller_ids.forget(doubt.publisher, doubt.uri)
