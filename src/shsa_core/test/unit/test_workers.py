@@ -127,7 +127,7 @@ def test_the_end_of_each_process_is_told_by_one_thread() -> None:
     children = Children(ended.__setitem__)
     before = threading.active_count()
     for status in range(5):
-        process = Started([sys.executable, "-c", f"raise SystemExit({status})"], os.environ)
+        process = Started([sys.executable, "-c", f"raise SystemExit({status})"], env=os.environ)
         children.keep(f"/{status}", process)
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
     assert ended == {f"/{status}": f"exit status {status}" for status in range(5)}
@@ -144,7 +144,7 @@ def test_a_process_that_nobody_can_look_after_is_ended(monkeypatch: pytest.Monke
     with monkeypatch.context() as without:
         without.setattr(psutil.Process, "__init__", lacking)
         with pytest.raises(OSError):
-            Started([sys.executable, "-c", "import time; time.sleep(60.0)"], os.environ)
+            Started([sys.executable, "-c", "import time; time.sleep(60.0)"], env=os.environ)
     assert len(started) == 1 and not psutil.pid_exists(started[0])
 
 

@@ -5,7 +5,7 @@ import subprocess
 import threading
 import time
 from contextlib import suppress
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Set
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set
 
 import psutil
 
@@ -20,10 +20,7 @@ class Started(psutil.Process):  # type: ignore[misc]
     Raises OSError, and nothing runs then: also where there is no descriptor left to look at it.
     """
 
-    def __init__(
-        self, words: Sequence[str], variables: Mapping[str, str], folder: str = ""
-    ) -> None:
-        where: Dict[str, Any] = {"env": variables, "cwd": folder or None}
+    def __init__(self, words: Sequence[str], **where: Any) -> None:
         started = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True, **where)
         self.poll: Callable[[], Optional[int]] = started.poll
         try:
@@ -45,8 +42,7 @@ def ending(process: psutil.Process) -> str:
 class Children:
     """The processes of ours by the names of their nodes, and one thread that waits for their ends.
 
-    `ended(node, how)` is called from that thread, and so briefly, once one has ended; empty: it was
-    stopped.
+    `ended(node, how)` is called from that thread once one has ended; empty: it was stopped.
     """
 
     def __init__(self, ended: Callable[[str, str], object]) -> None:

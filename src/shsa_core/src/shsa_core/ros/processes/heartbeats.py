@@ -1,9 +1,8 @@
 """Signs of life between healing's processes on one computer, over a socket that is our user's own.
 
 A heartbeat is a datagram, sent by the loop that does the work: a process that hangs sends none. The
-kernel says who has sent it, so nobody can speak for another. Neither the ROS master nor a
-connection is needed, and a hearer that starts anew hears all of them at once. Each is answered by
-which process the master is, or that the reconfigurator is out of reach.
+kernel says who has sent it. Each is answered by which process the master is, or that the
+reconfigurator is out of reach.
 """
 import hashlib
 import os
@@ -97,8 +96,8 @@ class Heart:
 class Signs:
     """Hears the heartbeats for `role`, of processes of our own user, in a thread of its own.
 
-    `last`: the last sign of each node, to be forgotten when it is gone: the next of its name is
-    another process. Each sender is told `answer()`: the number of the master's process, or CUT_OFF.
+    `last`: the last sign of each node, to be forgotten when it is gone. Each sender is told
+    `answer()`: the number of the master's process, or CUT_OFF.
     """
 
     def __init__(self, role: str, answer: Callable[[], bytes] = lambda: b"") -> None:
@@ -134,7 +133,6 @@ def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
 
 
 def _address(role: str) -> str:
-    """Return a socket for each master, namespace and role. Raises OSError."""
     # In the system's own space, without our folder, anybody could take its name, or fill its queue.
     place = f"{master_place()} {rospy.get_namespace()} {role}"
     name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
@@ -145,7 +143,6 @@ def _address(role: str) -> str:
 
 
 def _bind(listener: socket.socket, path: str) -> None:
-    """Hear what is sent to `path` from now on, instead of any former hearer. Raises OSError."""
     folder = os.stat(os.path.dirname(path))
     if folder.st_uid != os.geteuid() or folder.st_mode & 0o022:
         raise OSError(f"others can write the folder of {path}")

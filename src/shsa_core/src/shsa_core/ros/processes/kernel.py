@@ -33,7 +33,7 @@ class Running(NamedTuple):
 
     @property
     def node(self) -> str:
-        """The node that roslaunch, rosrun or we have started as it; empty: it is none by name."""
+        """Return the node that it was started as; empty: it is none by name."""
         name = next((word[len(NAME) :] for word in self.words if word.startswith(NAME)), "")
         namespace = self.variables.get("ROS_NAMESPACE", "").strip("/")
         return f"/{namespace}/{name}".replace("//", "/") if name else ""
@@ -41,8 +41,8 @@ class Running(NamedTuple):
 
 def robot_processes() -> Iterator[Running]:
     """Return the processes of our user that use our ROS master, however it is spelled there."""
-    places = {os.environ.get("ROS_MASTER_URI"): master_place()}
     ours = master_place()
+    places = {os.environ.get("ROS_MASTER_URI"): ours}
     for process in psutil.process_iter():
         try:
             seen = Running(process, process.cmdline(), process.environ())
@@ -140,7 +140,6 @@ def stopped(pid: int) -> bool:
 
 
 def _status(process: psutil.Process) -> Optional[str]:
-    """Return the state of a process; None: it has ended, and another one may have its number."""
     try:
         return str(process.status()) if process.is_running() else None
     except psutil.NoSuchProcess:

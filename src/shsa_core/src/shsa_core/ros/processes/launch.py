@@ -52,7 +52,7 @@ class Launch:
         self._ends = False
 
     def ending(self) -> bool:
-        """Return, once, that it or this node is shutting down. Costs a microsecond; asks nobody."""
+        """Return, once, that it or this node is shutting down. Costs a microsecond."""
         if self._ends:
             return False
         tells = self._log is not None and self._log[1].tells()
@@ -88,17 +88,13 @@ class Launches:
             return tuple(sorted(nodes)) if ended else ()
 
     def waited(self) -> kernel.Waits:
-        """Return for how long in all nodes have waited for a processor, in s: each in its turn.
-
-        Nobody is looked at while nobody need wait: it takes 0.1 ms each.
-        """
-        if not kernel.crowded():
+        """Return for how long in all nodes have waited for a processor, in s: each in its turn."""
+        if not kernel.crowded():  # to look at each takes 0.1 ms
             return ()
         with self._lock:
             turn = list(self._known.items())[: settings.LOOKED_AT]
-            for node, known in turn:
-                del self._known[node]
-                self._known[node] = known
+            for node, _ in turn:
+                self._known[node] = self._known.pop(node)
         return tuple((node, kernel.waited(pid)) for node, (pid, _) in turn)
 
     def _look(self) -> None:
@@ -118,7 +114,6 @@ class Launches:
 
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
-    """Return the nearest roslaunch that a process descends from, and its log."""
     for ancestor in (each.pid for each in kernel.ancestors(pid)):
         for file in open_files(ancestor):
             if re.search(rf"/[^/]*-{ancestor}\.log$", file):
@@ -136,8 +131,8 @@ ASKED_BY_API = "external shutdown request"
 def await_turn(name: str) -> None:
     """Return at once if no other node `name` of this namespace answers on the master.
 
-    Else say so and leave, with exit status 1. A launch that would start this process again, and
-    again, is spared that: it waits, registered nowhere, until the other one has gone for good.
+    Else say so and leave, with exit status 1. What a launch would start again and again waits,
+    registered nowhere, until the other one has gone for good.
     """
     mappings = rosgraph.names.load_mappings(sys.argv)
     full = str(rosgraph.names.make_caller_id(mappings.get("__name", name))).rstrip("/")
@@ -160,8 +155,7 @@ def await_turn(name: str) -> None:
 def find_other(node: str) -> Optional[str]:
     """Return in words which process a node is that is registered and answers; None: none.
 
-    One that hangs is none: what is started beside it is to take its place. One of another user of
-    this computer is none either: anybody can register our name, and all of healing is one user's.
+    One of another user of this computer is none: anybody can register our name.
     """
     try:
         uri = uri_of(node)
@@ -182,8 +176,7 @@ def find_other(node: str) -> Optional[str]:
 def hear_successor() -> Callable[[], bool]:
     """Return what tells, once this node ends, that our launch starts another one in its place.
 
-    Then what publishes goes on. To be called before the node is initialised: anybody may ask it to
-    end by our API, or by taking our name, and as soon as we have registered.
+    To be called before the node is initialised: anybody may ask it to end as soon as it registers.
     """
     reasons: List[str] = []
     rospy.core.add_preshutdown_hook(reasons.append)

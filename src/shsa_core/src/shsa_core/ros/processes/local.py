@@ -1,7 +1,6 @@
 """The computer that we run on: its processes are learned, found, ended, started and listened to.
 
-A kill asks a node to leave, ends its process, clears its registrations; healing decides when each
-step comes, and which process a node is was verified before (`nodes`).
+A kill asks a node to leave, ends its process, clears its registrations: healing decides when.
 """
 import signal
 import socket
@@ -100,7 +99,6 @@ class LocalHost:
         return lambda command: workers.put(lambda: self._guarded(work, command))
 
     def _guarded(self, work: Work, command: HostCommand) -> None:
-        """Carry out a command; if that cannot be done, answer it, so that nobody waits."""
         try:
             work(command)
             return
@@ -237,7 +235,7 @@ def clear(nodes: Nodes, node: str) -> bool:
 
 
 def _has_left(node: str, error: Exception) -> bool:
-    """Return whether a node on another computer, which does not answer, has told the master so."""
+    """Return whether a node on another computer, which does not answer, is not registered."""
     with suppress(*FAILURES):  # the master does not tell
         if isinstance(error, ConnectionRefusedError) and not uri_of(node):
             return True
@@ -257,13 +255,10 @@ def _unregister(node: str, uri: str) -> bool:
     """Unregister (node, uri), not a successor at another uri; return whether it was a publisher."""
     master = master_api(node)
     publishers, subscribers, services = master.getSystemState()
-    for rows, unregister in (
-        (publishers, master.unregisterPublisher),
-        (subscribers, master.unregisterSubscriber),
-    ):
-        for topic, nodes in rows:
-            if node in nodes:
-                unregister(topic, uri)
+    for topic in (topic for topic, nodes in publishers if node in nodes):
+        master.unregisterPublisher(topic, uri)
+    for topic in (topic for topic, nodes in subscribers if node in nodes):
+        master.unregisterSubscriber(topic, uri)
     for name, nodes in services:
         if node in nodes and master.lookupNode(node) == uri:
             master.unregisterService(name, master.lookupService(name))

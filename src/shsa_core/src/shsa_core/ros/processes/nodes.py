@@ -1,8 +1,7 @@
 """The process of each node: learned while it is healthy, verified before it is touched.
 
-A name proves nothing, and neither does an address that the master gives for it: anybody registers
-both. A process is taken for a node if it listens there by the kernel's word, is of our own user,
-and says itself that it publishes the topic, as the master does.
+Anybody can register a name and an address. A process is taken for a node if it listens there by the
+kernel's word, is of our own user, and says itself that it publishes the topic, as the master does.
 """
 import threading
 from contextlib import suppress
@@ -26,8 +25,7 @@ class Known:
     """A node's address, and its process; None: that is on another computer, or cannot be told.
 
     `dead`: nobody listens at its address, which is on this computer. `topics`: what it publishes.
-    `learned`: all that was verified. `ours`: we have started it. `at`: the numeric address that
-    `uri` stood for when its process was looked for.
+    `learned`: all that was verified. `ours`: we have started it. `at`: the numeric form of `uri`.
     """
 
     uri: str
@@ -43,13 +41,6 @@ class Known:
         """True if it may still run."""
         return not self.dead and (self.process is None or not kernel.gone(self.process))
 
-    @property
-    def where(self) -> Where:
-        """Return where its process runs."""
-        if self.process is None:
-            return Where.ELSEWHERE
-        return Where.STOPPED if kernel.stopped(self.process.pid) else Where.HERE
-
 
 class Found(NamedTuple):
     """The place where a node's process runs; `detail`: why it is not touched."""
@@ -59,10 +50,7 @@ class Found(NamedTuple):
 
 
 class Nodes:
-    """Knows which process each node is.
-
-    Calls take as long as the network does: each in a thread of its own.
-    """
+    """Knows which process each node is. Calls take as long as the network does."""
 
     def __init__(self) -> None:
         self._known: Dict[str, Known] = {}
@@ -148,10 +136,7 @@ class Nodes:
         self._put(node, Known("", process, learned=True, ours=True))
 
     def find(self, asked: FindNode) -> Found:
-        """Find where the process of a publisher runs that failed on a topic.
-
-        The learned one, or if that is dead, its successor.
-        """
+        """Find where the process runs that failed: the learned one, or its successor."""
         node, uri, known = asked.node, asked.uri, self.known(asked.node)
         dead = known is not None and known.process is not None and not known.lives
         if dead and not asked.successor:
@@ -182,7 +167,10 @@ class Nodes:
             why = protection(node, known.process, self.sharing(known.process) - {node})
             if why:
                 return Found(Where.PROTECTED, why)
-        return Found(self._put(node, known).where)
+        self._put(node, known)
+        if known.process is None:
+            return Found(Where.ELSEWHERE)
+        return Found(Where.STOPPED if kernel.stopped(known.process.pid) else Where.HERE)
 
     def _put(self, node: str, known: Known) -> Known:
         with self._lock:
@@ -212,14 +200,12 @@ class Nodes:
 
 
 def _listens(known: Known, uri: str) -> bool:
-    """Return whether a process is the one at an address, or came by us in place of a dead one."""
     if known.process is None or (known.ours and listening(resolved(uri)) is None):
         return True
     return answers_at(known.process.pid, resolved(uri))
 
 
 def _stranger(known: Known) -> str:
-    """Return why a process is none that may be ended; empty: it may be."""
     if known.process is None:
         return "its process is somebody else's" if is_local(known.uri) else ""
     if not kernel.is_ours(known.process):
@@ -239,7 +225,6 @@ def protection(node: str, process: psutil.Process, others: Iterable[str]) -> str
 
 
 def _is_required(node: str, process: psutil.Process) -> bool:
-    """Return whether the roslaunch that has started a node ends with it."""
     with suppress(*FAILURES, psutil.Error, AttributeError):
         rows = psutil.Process(process.ppid()).connections("tcp")
         places = [Address(*row.laddr) for row in rows if row.status == psutil.CONN_LISTEN]

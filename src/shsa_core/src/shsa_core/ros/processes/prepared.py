@@ -11,7 +11,7 @@ import signal
 import socket
 import sys
 from contextlib import suppress
-from typing import Any, Dict, List, Sequence
+from typing import Any, Dict, List
 
 import rospy
 
@@ -19,6 +19,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.message_types import message_class
 
 OPTION = "--prepared"
+"""The word that makes an executable a prepared process; SPACE blanks follow, and message types."""
 LARGEST_ORDER_B = 200_000
 SPACE = 4000
 """Characters of our command line, over which a fork writes its own."""
@@ -26,11 +27,6 @@ NOBODY = b"0"
 """Is said instead of a fork's number where none can be made."""
 VARIABLES = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """numpy starts threads when it is imported, unless it is told so."""
-
-
-def arguments(types: Sequence[str]) -> List[str]:
-    """Return the words that make an executable a prepared process, which loads message types."""
-    return [OPTION, " " * SPACE, *types]
 
 
 def serve() -> None:
@@ -63,7 +59,6 @@ def serve() -> None:
 
 
 def _fork(order: Dict[str, Any], line: socket.socket) -> bool:
-    """Fork; return whether this is the fork."""
     try:
         return os.fork() == 0
     except OSError as error:
@@ -73,7 +68,6 @@ def _fork(order: Dict[str, Any], line: socket.socket) -> bool:
 
 
 def _begin(order: Dict[str, Any]) -> None:
-    """Become what the order wants: as if it had been started, by itself and in its own session."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.setsid()
     nothing = os.open(os.devnull, os.O_RDONLY)

@@ -40,7 +40,6 @@ def set_all(nice: int, pid: int = 0) -> None:
 
 
 def _set_session(nice: int, pid: int) -> None:
-    """Set the priority of a session of a process, now or soon."""
     with _lock:
         waits = pid in _wanted
         _wanted[pid] = nice
@@ -50,13 +49,13 @@ def _set_session(nice: int, pid: int) -> None:
 
 
 def _try(pid: int) -> bool:
-    """Set what is wanted last; False: somebody's was changed less than 0.1 s ago."""
     with _lock:
         try:
             Path(SESSION.format(pid)).write_text(f"{_wanted[pid]}\n")
-        except (OSError, KeyError) as error:  # or it has ended meanwhile, or another thread did so
-            if isinstance(error, BlockingIOError):
-                return False
+        except BlockingIOError:  # somebody's was changed less than 0.1 s ago
+            return False
+        except (OSError, KeyError):
+            pass  # it has ended meanwhile, or another thread did so
         _wanted.pop(pid, None)
         return True
 
@@ -67,7 +66,6 @@ def _insist(pid: int) -> None:
 
 
 def _may_hurry() -> bool:
-    """Try it with this thread alone."""
     here = threading.get_native_id()
     before = os.getpriority(os.PRIO_PROCESS, here)
     try:

@@ -1,7 +1,6 @@
 """Starts a failed node again, with the command that it was started with, and sees it come up.
 
-A node that healing has started again has a mark in its environment: by that the next
-reconfigurator, or agent, knows it.
+By a mark in the environment of such a node the next reconfigurator, or agent, knows it.
 """
 import json
 import os
@@ -26,7 +25,6 @@ MARK = "SHSA_RESTARTED"
 
 
 def _children(pid: int) -> List[int]:
-    """Return the processes that a process has started; none where the kernel does not tell."""
     files = Path(f"/proc/{pid}/task").glob("*/children")
     with suppress(OSError):
         return [int(number) for file in files for number in file.read_text().split()]
@@ -46,8 +44,8 @@ class Restarts:
     """Learns from the process of each healthy node how it was started, and starts it again.
 
     Tells, in a thread: `starter_ended(node)` while a restarted node still runs, and the process
-    that started it first has ended; `came(node, process)` once that has started a node again that
-    is awaited, long before any consumer hears it. `host`: the name of the agent that we are.
+    that started it first has ended; `came(node, process)` once that has started an awaited node
+    again. `host`: the name of the agent that we are.
     """
 
     def __init__(
@@ -89,7 +87,6 @@ class Restarts:
         return node in self._starts and bool(self._starts[node].words)
 
     def _started_again(self, node: str) -> Optional[psutil.Process]:
-        """Return the process of ours that a node's starter has started with the same command."""
         start = self._starts.get(node)
         if start is None or ended(start.starter):
             return None
@@ -105,10 +102,7 @@ class Restarts:
         return None
 
     def take_up(self) -> List[str]:
-        """Make ours what a former reconfigurator or agent has started again; return the nodes.
-
-        How such a node is started is learned while it is healthy; it keeps its first starter.
-        """
+        """Make ours what a former reconfigurator or agent has started again; return the nodes."""
         taken = []
         for process, _, variables in robot_processes():
             try:
@@ -129,7 +123,7 @@ class Restarts:
         if start is None or not start.words:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
-        process = Started(start.words, {**start.environment, **mark}, start.folder)
+        process = Started(start.words, env={**start.environment, **mark}, cwd=start.folder or None)
         self._keep(node, process, start)
         return process
 

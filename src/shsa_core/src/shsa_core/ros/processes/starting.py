@@ -1,5 +1,4 @@
 """The substitutes' processes: forked from a prepared one or started by rosrun, confined, found."""
-import itertools
 import json
 import os
 import resource
@@ -24,7 +23,7 @@ from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.heartbeats import HOST
 from shsa_core.ros.processes.kernel import NAME, robot_processes
-from shsa_core.ros.processes.prepared import LARGEST_ORDER_B, VARIABLES, arguments
+from shsa_core.ros.processes.prepared import LARGEST_ORDER_B, OPTION, SPACE, VARIABLES
 from shsa_core.ros.trust import secret
 from shsa_core.substitution import signals
 
@@ -45,10 +44,9 @@ class Setup(NamedTuple):
 
     `secret_file`: by which they know their reconfigurator. `journals`: what the paths of their
     journals begin with; empty: they keep none. `sandbox`: a command to run each of them in. `host`:
-    the name of the agent that we are part of; empty: of none. `forks`: they are forked from a
-    prepared process, which has loaded the message `types`, and `ready` is called, in a thread,
-    whenever one is there; not in a sandbox, of which each one has its own. `restarts`: nodes may be
-    started again.
+    the name of the agent that we are part of; empty: of none. `forks`: without a sandbox they are
+    forked from a prepared process, which has loaded the message `types`; see Forking for `ready`.
+    `restarts`: nodes may be started again.
     """
 
     prefix: str
@@ -66,9 +64,8 @@ class Substitutes:
     """Starts and stops substitutes.
 
     `ended(node, detail)` is called whenever a process has ended that nobody stopped;
-    `cleared(node)` after each end, to clear what the node left registered. Neither may wait. A
-    new process takes the journal of one that has ended, so that there are never many. `forking`:
-    the prepared process; None: nothing is forked.
+    `cleared(node)` after each end, to clear what the node left registered. Neither may wait.
+    `forking`: the prepared process; None: nothing is forked.
     """
 
     def __init__(
@@ -76,10 +73,14 @@ class Substitutes:
     ) -> None:
         self._ended, self._cleared = ended, cleared
         self._setup = setup
-        self._slots: Dict[str, int] = {}
+        self._slots: Dict[str, int] = {}  # numbers of journals: there are never many
         self.children = Children(self._over)
         packages = RosPack()
-        found = {name: _find(name, packages) for name in ("substitute", "standby")}
+        found: Dict[str, List[str]] = {}
+        for name in ("substitute", "standby"):
+            found[name] = find_node(PACKAGE, name, packages)
+            if not found[name]:
+                raise ShsaError(f"{PACKAGE} has no executable {name}; is the workspace built?")
         self._files = {os.path.realpath(path) for paths in found.values() for path in paths}
         self._paths = {name: each[0] for name, each in found.items()}
         folder, limits = packages.get_path(PACKAGE), wrapper(setup.sandbox)
@@ -101,7 +102,7 @@ class Substitutes:
             self.forking = Forking(run, self._variables, setup.types, setup.ready)
 
     def start(self, command: StartSubstitute) -> None:
-        """Start a muted substitute, idle without a program. Raises OSError if that fails."""
+        """Start a muted substitute, idle without a program. Raises OSError."""
         node, program = command.node, command.program
         executable, words = "standby", [NAME + node.rsplit("/", 1)[1]]
         own: Dict[str, str] = {}
@@ -118,20 +119,22 @@ class Substitutes:
         if self.forking is not None:
             process = self.forking.start([self._paths[executable], *words], own)
         if process is None:
-            process = Started([*self._rosrun[executable], *words], {**self._variables, **own})
+            process = Started([*self._rosrun[executable], *words], env={**self._variables, **own})
         self._keep(node, process, slot)
 
     def take_up(self) -> List[str]:
         """Make ours the substitutes of this master and agent that run, registered or not."""
-        found: List[str] = []
-        for each in robot_processes():
-            ours = each.variables.get(HOST, "") == self._setup.host
-            ours = ours and each.node.startswith(self._setup.prefix)
-            ours = ours and any(os.path.realpath(word) in self._files for word in each.words[:2])
-            if ours and self.children.process(each.node) is None:
-                self._keep(each.node, each.process, self._free_slot())
-                found.append(each.node)
-        return found
+        found = [
+            each
+            for each in robot_processes()
+            if each.variables.get(HOST, "") == self._setup.host
+            and each.node.startswith(self._setup.prefix)
+            and any(os.path.realpath(word) in self._files for word in each.words[:2])
+            and self.children.process(each.node) is None
+        ]
+        for each in found:
+            self._keep(each.node, each.process, self._free_slot())
+        return [each.node for each in found]
 
     def _keep(self, node: str, process: psutil.Process, slot: int) -> None:
         self._slots[node] = slot
@@ -145,32 +148,18 @@ class Substitutes:
         self._cleared(node)
 
     def _free_slot(self) -> int:
-        """Return the smallest number that no running process has."""
-        taken = list(self._slots.values())
-        return next(number for number in itertools.count(1) if number not in taken)
+        return min(set(range(1, len(self._slots) + 2)).difference(self._slots.values()))
 
 
 def wrapper(sandbox: Sequence[str]) -> List[str]:
     """Return what confines a command. Raises ShsaError if there is no such program."""
     if sandbox and shutil.which(sandbox[0]) is None:
         raise ShsaError(f"there is no program {sandbox[0]} to run the substitutes in")
-    limits = (f"--{name}={_lowered(name)}" for name in LIMITS)
+    limits = []
+    for name, (number, limit) in LIMITS.items():
+        hard = resource.getrlimit(number)[1]  # which nobody may raise
+        limits.append(f"--{name}={limit if hard == resource.RLIM_INFINITY else min(limit, hard)}")
     return ["prlimit", *limits, "setpriv", "--no-new-privs", *sandbox]
-
-
-def _lowered(name: str) -> int:
-    """Return a limit as we want it, or as it is if that is less: nobody may raise it."""
-    number, limit = LIMITS[name]
-    hard = resource.getrlimit(number)[1]
-    return limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-
-
-def _find(executable: str, packages: RosPack) -> Sequence[str]:
-    """Return the paths of an executable of this package. Raises ShsaError if it is not built."""
-    found: Sequence[str] = find_node(PACKAGE, executable, packages)
-    if not found:
-        raise ShsaError(f"{PACKAGE} has no executable {executable}; is the workspace built?")
-    return found
 
 
 LONGEST_ANSWER_B = 100
@@ -187,10 +176,10 @@ class Forking:
         self,
         words: Sequence[str],
         variables: Mapping[str, str],
-        types: Sequence[str] = (),
-        ready: Callable[[], object] = lambda: None,
+        types: Sequence[str],
+        ready: Callable[[], object],
     ) -> None:
-        self._words = [*words, *arguments(types)]
+        self._words = [*words, OPTION, " " * SPACE, *types]
         self._variables = {**variables, **VARIABLES}
         self._ready = ready
         self._lock = threading.Lock()
@@ -244,7 +233,6 @@ class Forking:
             pause = min(2 * pause, settings.LONGEST_PAUSE_S)
 
     def _serve(self) -> None:
-        """Start a prepared process, and wait until it has ended. Raises OSError."""
         ours, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.settimeout(None)  # rospy gives every socket a minute
         with ours:

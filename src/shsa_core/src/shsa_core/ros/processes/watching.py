@@ -30,8 +30,8 @@ class Life:
 
     `tell` hears in a thread of its own each one's first sign; and that it hangs, after `patience`
     heartbeats without one, or, where `stopping_counts`, as the kernel has stopped it. Time stands
-    while we were not scheduled, or `at_work()` says that we did not act; and while it could run and
-    had no processor, as what stands by comes last: up to STARVED times that.
+    while we were not scheduled, or not `at_work()`; and while it waited for a processor, up to
+    STARVED times that.
     """
 
     def __init__(
@@ -84,10 +84,9 @@ class Life:
 class Companion:
     """Watches the other healer by its heartbeats, and sends ours.
 
-    A launch restarts a healer that died, not one that hangs. That is named, and ended if a
-    launch starts it again. They never end each other: the one that ends must be at work, and so it
-    is heard; and the monitor waits longer than the reconfigurator. `role`: the other one's name,
-    and the hearer of our heartbeats; `signs`: what was heard for us.
+    One that hangs is named, and ended if a launch starts it again. They never end each other: the
+    one that ends must be at work, and so it is heard; and they differ in patience. `role`: the
+    other one's name, and the hearer of our heartbeats; `signs`: what was heard for us.
     """
 
     def __init__(self, role: str, signs: Signs) -> None:
@@ -132,7 +131,6 @@ class Companion:
 
 
 def _ended(process: psutil.Process) -> str:
-    """End a healer that hangs, if a launch starts it again; return what was done, in words."""
     if not kernel.started_by_launch(process.pid):
         return "No launch would start it again: it is left alone."
     try:
