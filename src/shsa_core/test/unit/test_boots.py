@@ -14,8 +14,8 @@ from hypothesis import given, strategies as st
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import Answer, BadAnswer
-from shsa_core.ros.trust import proving
-from shsa_core.ros.trust.proving import NONCE_B, Challenger
+from shsa_core.ros.trust import signing
+from shsa_core.ros.trust.signing import NONCE_B, Challenger
 from shsa_core.trust import proof
 from shsa_core.trust.boots import (
     Boot,
@@ -429,10 +429,10 @@ def test_another_node_is_asked_once_the_one_that_proved_it_is_gone(world: World)
 
 
 def test_a_process_proves_the_secret_that_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(proving, "ROSHandler", SimpleNamespace())
-    monkeypatch.setattr(proving, "master_seen", lambda: MASTER)
-    proving.serve(SECRET, b"b" * 16)
-    prove = partial(getattr(proving.ROSHandler, proving.METHOD), None)
+    monkeypatch.setattr(signing, "ROSHandler", SimpleNamespace())
+    monkeypatch.setattr(signing, "master_seen", lambda: MASTER)
+    signing.serve(SECRET, b"b" * 16)
+    prove = partial(getattr(signing.ROSHandler, signing.METHOD), None)
     call = lambda uri, method, nonce: Answer(prove("/me", nonce)[2], 0, 0)
     met = Challenger(SECRET, lambda node: "http://x:1/", call, lambda: MASTER).ask("/sender")
     assert met.boot == b"b" * 16

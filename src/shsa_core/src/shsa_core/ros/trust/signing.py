@@ -4,21 +4,28 @@ What is refused, and why: trust/seal.
 """
 import io
 import os
+import re
+import secrets
+import socket
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Tuple, Type
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Type
 
 import genpy
 import rospy
+from rospy.impl.masterslave import ROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
+from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
 from shsa_core.ros.rospy_patches.subscribing import subscribe
-from shsa_core.ros.trust import secret
-from shsa_core.ros.trust.places import origin
-from shsa_core.ros.trust.proving import Challenger, serve
-from shsa_core.trust.boots import Boots
-from shsa_core.trust.proof import WrongSecret
+from shsa_core.ros.trust import secret as secret_file
+from shsa_core.ros.trust.places import master_seen, origin
+from shsa_core.text import shown
+from shsa_core.trust import proof
+from shsa_core.trust.boots import Boots, Met, NoAnswer
+from shsa_core.trust.proof import Place, Proof, WrongSecret
 from shsa_core.trust.seal import BOOT_B, EARLY, FOREIGN, NO_SIGNATURE, SIGNATURE_B, TRAILER, TWICE
 from shsa_core.trust.seal import UNPROVEN, UNSIGNED, Seal, Verifier
 
@@ -26,20 +33,21 @@ LARGEST_B = 1 << 25
 """A larger message is not read: its sender is cut off."""
 SENDERS = 100
 """So many are told apart."""
-LONGEST_NAME = 100
+METHOD = "proveSecret"
+NONCE_B = 16
+NONCE = re.compile(f"[0-9a-f]{{{2 * NONCE_B}}}")
 
 
 class Signing:
-    """Signs and checks messages by the secret in a file (empty: the default one).
+    """Signs and checks messages by the secret in a file; empty: the default one.
 
-    `make`: it is made if it is not there. Raises ShsaError if it cannot be read. `boots`: those
-    that are believed.
+    `make`: it is made if it is not there. Raises ShsaError if it cannot be read.
     """
 
     def __init__(self, path: str = "", make: bool = True) -> None:
-        self.path = os.path.abspath(path or secret.default_path())
+        self.path = os.path.abspath(path or secret_file.default_path())
         self.refusals = Refusals()
-        self._secret = secret.obtain(self.path) if make else secret.read(self.path)
+        self._secret = secret_file.obtain(self.path) if make else secret_file.read(self.path)
         self._boot = origin()
         self._challenger = Challenger(self._secret)
         self.boots = Boots(self._boot, self._challenger.ask, time.monotonic_ns)
@@ -110,8 +118,7 @@ class Signing:
         """Call `heard` with what is not refused; the rest is counted.
 
         What is heard has `sent_here`: when it was sent on our monotonic clock in ns, about.
-        `lost` is called when a message was refused that may have been right: its sender did not
-        answer, or two clocks could not be compared well enough.
+        `lost` is called when a message was refused that may have been right.
         """
 
         def received(message: Any) -> None:
@@ -131,7 +138,6 @@ class Signing:
         return subscribe(topic, checked, received, LARGEST_B)
 
     def _judge_again(self, message: Any, sender: str) -> Any:
-        """Judge a message whose computer is not known, once its sender was asked."""
         end = len(message.data) - TRAILER.size
         message.refusal = self.boots.refusal(message.data[end : end + BOOT_B], sender)
         if message.refusal:
@@ -163,6 +169,55 @@ class Signing:
             return  # it is no healer; that it was refused is said
 
 
+@dataclass
+class Challenger:
+    """Asks nodes to prove that they hold the secret and use our master.
+
+    The question is one more call of a node's own XML-RPC interface. `find`: a lookup of a node's
+    address. `call`: a call of a method with a nonce at a URI. Both raise one of FAILURES. `ours`:
+    our master. `wall`: the wall clock at a time of the monotonic one, in ns.
+    """
+
+    secret: bytes
+    find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node))
+    call: Callable[[str, str, str], Answer] = ask_timed
+    ours: Callable[[], Place] = master_seen
+    wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns()
+
+    def ask(self, node: str) -> Met:
+        """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
+        asked = secrets.token_hex(NONCE_B)
+        try:
+            uri = self.find(node)
+            where = shown(address(uri).host, 100)
+            answer = self.call(uri, METHOD, asked)
+        except FAILURES as error:
+            raise NoAnswer("its sender does not prove where it is: no answer") from error
+        try:
+            found = proof.read(self.secret, asked, answer.value)
+        except WrongSecret as error:
+            raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
+        ours = self.ours()
+        if not found.master.is_same(ours):
+            raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
+        ahead = found.wall - self.wall((answer.asked + answer.answered) // 2)
+        times = found.clock, ahead, answer.asked, answer.answered
+        return Met(found.boot, shown(found.host, 100), where, *times)
+
+
+def serve(secret: bytes, boot: bytes) -> None:
+    """Have this process prove from now on that it holds the secret, as what signs with `boot`."""
+
+    def prove(handler: Any, caller_id: object, asked: object) -> Tuple[int, str, Sequence[str]]:
+        if not isinstance(asked, str) or not NONCE.fullmatch(asked):
+            return -1, "a nonce is needed", []
+        clocks = time.monotonic_ns(), time.time_ns()
+        told = Proof(boot, socket.gethostname(), master_seen(), *clocks)
+        return 1, "", proof.written(secret, asked, told)
+
+    setattr(ROSHandler, METHOD, prove)
+
+
 class SignedPublisher(rospy.Publisher):  # type: ignore[misc]
     """Publishes messages of one kind, each signed."""
 
@@ -191,7 +246,7 @@ class Refusals:
 
     def note(self, topic: str, sender: str, why: str) -> bool:
         """Count a message, say so once in LONGEST_PAUSE_S; True: it was said now."""
-        key = topic, ascii(sender[:LONGEST_NAME])[1:-1], why
+        key = topic, shown(sender, 100), why
         now = time.monotonic()
         with self._lock:
             if key not in self._counts and len(self._counts) >= SENDERS:
