@@ -1,4 +1,4 @@
-"""Messages as bytes: they are decoded only where somebody wants to know a value."""
+"""Messages as bytes, decoded only where somebody wants to know a value."""
 import io
 import math
 import struct
@@ -23,8 +23,8 @@ class Decoder:
     """Reads fields from the bytes of messages of the type `kind`.
 
     `header`: what the publisher says of its messages. `problems`: why some fields cannot be read;
-    they have no value. Raises ShsaError if the publisher names another type, of which nothing is
-    loaded, or if the type is not known here or is another version.
+    they have no value. Raises ShsaError if the publisher names another type or version, or if the
+    type is not known here.
     """
 
     def __init__(self, kind: str, header: Mapping[str, str], fields: Sequence[str]) -> None:
@@ -85,18 +85,15 @@ def frame(data: bytes) -> Parts:
 
 
 def read_message(message_class: Type[genpy.Message], data: bytes) -> genpy.Message:
-    """Return the message that was serialized.
-
-    Raises ShsaError if the bytes are not one of this type, or not one and nothing else.
-    """
+    """Return the message that was serialized. Raises ShsaError if it is not one and no more."""
     message = message_class()
     again = io.BytesIO()
     try:
         message.deserialize(data)
         message.serialize(again)
+        rest = len(data) - again.tell()
+        if rest:
+            raise ValueError(f"{rest} are left over")
     except (genpy.MessageException, struct.error, ValueError, OverflowError) as error:
         raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {error}") from error
-    rest = len(data) - again.tell()
-    if rest:
-        raise ShsaError(f"{len(data)} bytes are no {message_class._type}: {rest} are left over")
     return message

@@ -11,7 +11,6 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Set, 
 
 import genpy
 import rospy
-from std_msgs.msg import Header
 
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches.publishing import as_written, connections_of, send
@@ -38,8 +37,8 @@ class TablePublisher(rospy.SubscribeListener):
     """Publishes a table: its changes to everybody, the whole of it to whoever connects.
 
     Rows are messages; `rows_field` is the message's field for them. `signing`: how it is signed;
-    None: it is not. Nothing waits for a subscriber. `opened`: nobody is told anything before `open`
-    is called. `concerning`: which rows a subscriber of that name is sent; None: all.
+    None: it is not. `opened`: nobody is told anything before `open`. `concerning`: which rows a
+    subscriber of that name is sent; None: all.
     """
 
     def __init__(
@@ -73,7 +72,7 @@ class TablePublisher(rospy.SubscribeListener):
             )
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
-        """Publish new and changed rows, and the keys of those that are gone, if any."""
+        """Publish new and changed rows, and the keys of those that are gone."""
         rows = {self._key(row): row for row in changed}
         with self._lock:
             gone = [key for key in removed if key in self._rows and key not in rows]
@@ -93,13 +92,11 @@ class TablePublisher(rospy.SubscribeListener):
         return [key for key in keys if channel.concerns(self._rows[key], self._rows)]
 
     def _change(self, channel: _Channel, keys: List[str]) -> None:
-        """Tell one channel of changes; a key without a row is gone."""
         channel.sequence += 1
         up = [each for each in channel.connections if not each.done]
         if up:
             rows = [self._rows[key] for key in keys if key in self._rows]
-            gone = [key for key in keys if key not in self._rows]
-            self._send(channel, up, False, rows, gone)
+            self._send(channel, up, rows, [key for key in keys if key not in self._rows])
 
     def peer_subscribe(
         self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
@@ -117,7 +114,6 @@ class TablePublisher(rospy.SubscribeListener):
                     self._welcome(connection)
 
     def _welcome(self, connection: Any) -> None:
-        """Send a new connection the whole, as far as it concerns its subscriber."""
         name = connection.endpoint_id  # as its subscriber calls itself
         concerns = self._concerning(name)
         if concerns is None:
@@ -127,28 +123,22 @@ class TablePublisher(rospy.SubscribeListener):
         channel = self._channels[name]
         channel.connections.append(connection)
         rows = [self._rows[key] for key in self._concerned(channel, self._rows)]
-        self._send(channel, [connection], True, rows, [])
+        self._send(channel, [connection], rows)
 
     def _send(
         self,
         channel: _Channel,
         connections: List[Any],
-        whole: bool,
         rows: List[genpy.Message],
-        gone: List[str],
+        gone: Optional[List[str]] = None,
     ) -> None:
         """Send one message, signed once: who is connected twice knows it again."""
-        header = Header(stamp=rospy.Time.now(), seq=channel.sequence)
-        message: genpy.Message = self._class(
-            header=header,
-            began=channel.began,
-            sequence=channel.sequence,
-            whole=whole,
-            removed=gone,
-        )
+        message = self._class(began=channel.began, whole=gone is None, removed=gone or [])
+        message.sequence = message.header.seq = channel.sequence
+        message.header.stamp = rospy.Time.now()
         setattr(message, self._field, rows)
         if channel.to:
-            setattr(message, "to", channel.to)
+            message.to = channel.to
         data = io.BytesIO()
         message.serialize(data)
         send(self._publisher, self._written(data.getvalue()), connections)
@@ -157,13 +147,10 @@ class TablePublisher(rospy.SubscribeListener):
 class TableSubscriber:
     """Calls `heard(message)` with a whole table, or with the changes that follow; never others.
 
-    `heard` is called in rospy's threads, by one at a time. A table needs a subscriber of its own: a
-    process may have one for each topic, since rospy shares the connections among all of a process's
-    subscribers.
-
-    `signing`: what is not signed is refused, and so is a table older than one that was heard of.
-    None: for show alone, whoever sends it is believed. `name`: what is addressed to that name is
-    heard as well; what is addressed to others never is.
+    `heard` is called in rospy's threads, by one at a time. A process may have one subscriber of a
+    topic, since rospy shares the connections among all of them. `signing`: what is not signed is
+    refused, and what is older than was heard; None: for show, whoever sends it is believed. `name`:
+    what is addressed to that name is heard as well; what is addressed to others never is.
     """
 
     def __init__(
@@ -229,7 +216,6 @@ class TableSubscriber:
         return bool(not message.whole and message.began == began and message.sequence <= sequence)
 
     def _lost(self) -> None:
-        """Have the whole come again if it was refused: it may have been right."""
         with self._lock:
             if not self._follows:
                 self._miss()

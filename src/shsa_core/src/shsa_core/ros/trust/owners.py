@@ -35,20 +35,14 @@ def is_local(uri: str) -> bool:
 
 
 def _is_own(host: str) -> bool:
-    """Return whether a numeric address is one of this computer: only to such a socket is bound."""
-    try:
-        with socket.socket(family(host), socket.SOCK_DGRAM) as bound:
-            bound.bind((host, 0))
-    except OSError:
-        return False
-    return True
+    with suppress(OSError), socket.socket(family(host), socket.SOCK_DGRAM) as bound:
+        bound.bind((host, 0))  # a socket is bound to no other computer's
+        return True
+    return False
 
 
 def listening(at: Address) -> Optional[Owned]:
-    """Return the socket that answers at a numeric address; None: there is none, or several.
-
-    The very address counts before the wildcard of its family, as the kernel has it.
-    """
+    """Return the socket that answers at a numeric address; None: there is none, or several."""
     wildcards = ["::" if ":" in at.host else "0.0.0.0"]
     if rosgraph.network.use_ipv6():
         wildcards.append("::")  # nodes listen there for both families
@@ -78,10 +72,9 @@ def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
     name = f"socket:[{owned.inode}]"
     hinted = hint > 0 and name in open_files(hint)
     pids = [hint] if hinted else [pid for pid in psutil.pids() if name in open_files(pid)]
-    try:
+    with suppress(psutil.NoSuchProcess):
         return psutil.Process(pids[0]) if len(pids) == 1 else None
-    except psutil.NoSuchProcess:
-        return None
+    return None
 
 
 def speaker(connected: socket.socket) -> Optional[int]:

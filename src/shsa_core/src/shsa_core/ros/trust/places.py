@@ -1,7 +1,7 @@
 """Tells in which boot of which computer a process runs, and which ROS master it uses.
 
-A computer is here what shares a monotonic clock and a network. So a container with a network or
-a clock of its own is one, and nobody can choose which: the kernel says it.
+A computer is here what shares a monotonic clock and a network, as a container does. The kernel says
+it: nobody can choose which.
 """
 import hashlib
 import os
@@ -43,10 +43,7 @@ def origin() -> bytes:
 
 
 def master_place(environment: Optional[Mapping[str, str]] = None) -> str:
-    """Return the master of a process on this computer, however it is spelled there.
-
-    Without an environment: of ours.
-    """
+    """Return the master of a process on this computer, or of ours, however it is spelled there."""
     host, port = _master(environment)
     if rosgraph.network.is_local_address(host):
         return f"localhost:{port}"
@@ -79,10 +76,9 @@ def _resolved(host: str) -> FrozenSet[str]:
 
 
 def _namespace(name: str) -> str:
-    """Return our namespace of a kind; empty: the kernel has none of that kind."""
     try:
         return os.readlink(f"{NAMESPACES}/{name}")
     except FileNotFoundError:
-        return ""
+        return ""  # the kernel has none of that kind
     except OSError as error:
         raise ShsaError(f"{NAMESPACES}/{name} cannot be read: {error.strerror}") from error

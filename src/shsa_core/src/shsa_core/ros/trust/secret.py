@@ -20,10 +20,7 @@ def default_path() -> str:
 
 
 def obtain(path: str) -> bytes:
-    """Return the secret in a file, which is made if it is not there.
-
-    Several may do so at once: one of them makes it, all read it. Raises ShsaError as `read` does.
-    """
+    """Return the secret in a file, which is made if it is not there. Raises ShsaError."""
     try:
         if not os.path.lexists(path):
             _make(path)
@@ -55,7 +52,6 @@ def _refused(path: str, wrong: str, allowed: str) -> ShsaError:
 
 
 def _make(path: str) -> None:
-    """Make the file, whole at once: it is never seen in part."""
     folder = os.path.dirname(path) or "."
     os.makedirs(folder, 0o700, exist_ok=True)
     part = f"{path}.{secrets.token_hex(8)}"
@@ -68,5 +64,5 @@ def _make(path: str) -> None:
         with suppress(FileExistsError):  # another one was faster
             os.link(part, path)
     finally:
-        if os.path.lexists(part):
+        with suppress(FileNotFoundError):
             os.unlink(part)
