@@ -57,10 +57,7 @@ class Decoder:
         return (*frames, *((name, len(getattr(self._message, name))) for name in self._arrays))
 
     def values(self, data: bytes) -> Tuple[Optional[float], ...]:
-        """Return the fields' values, None where there is none.
-
-        Raises ShsaError if the bytes are not a message of the type.
-        """
+        """Return the fields' values, None for none. Raises ShsaError if it is no message."""
         message = self._message
         try:
             message.deserialize(data)

@@ -15,10 +15,7 @@ from shsa_core.ros.workers import guarded
 
 
 class Started(psutil.Process):  # type: ignore[misc]
-    """A process that we start, in a session of its own; `poll` tells its exit status.
-
-    Raises OSError, and nothing runs then: also where there is no descriptor left to look at it.
-    """
+    """A process in a session of its own; `poll` tells its exit status. May raise OSError."""
 
     def __init__(self, words: Sequence[str], **where: Any) -> None:
         started = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True, **where)

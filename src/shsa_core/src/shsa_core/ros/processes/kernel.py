@@ -159,10 +159,7 @@ def waited(pid: int) -> float:
 
 
 def waited_in_all(path: str) -> Waits:
-    """Return for how long something waited for a processor since the start, in s; empty: not known.
-
-    `path`: usually /proc/pressure/cpu, whose first line ends with total=MICROSECONDS.
-    """
+    """Return for how long in s anything waited for a processor, by a file as /proc/pressure/cpu."""
     try:
         with open(path, encoding="ascii") as file:
             return (("", 1e-6 * int(file.readline().rpartition("total=")[2])),)
@@ -180,10 +177,7 @@ def crowded() -> bool:
 
 
 def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:
-    """Send a signal to this very process, and to no other that has its number by now.
-
-    Raises PermissionError if it is not ours, ProcessLookupError if it has ended.
-    """
+    """Send a signal to this very process. Raises PermissionError, ProcessLookupError."""
     if gone(process):
         raise ProcessLookupError(process.pid)
     if not is_ours(process):

@@ -174,11 +174,8 @@ def find_other(node: str) -> Optional[str]:
 
 
 def hear_successor() -> Callable[[], bool]:
-    """Return what tells, once this node ends, that our launch starts another one in its place.
-
-    To be called before the node is initialised: anybody may ask it to end as soon as it registers.
-    """
-    reasons: List[str] = []
+    """Return, before `init_node`, what tells at the end that our launch starts another one."""
+    reasons: List[str] = []  # anybody may ask it to end by its API, as soon as it has registered
     rospy.core.add_preshutdown_hook(reasons.append)
     asked = lambda: any(each.startswith(ASKED_BY_API) for each in reasons)
     return lambda: asked() and kernel.started_by_launch(os.getpid())

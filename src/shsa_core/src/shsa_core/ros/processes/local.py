@@ -1,7 +1,4 @@
-"""The computer that we run on: its processes are learned, found, ended, started and listened to.
-
-A kill asks a node to leave, ends its process, clears its registrations: healing decides when.
-"""
+"""The computer that we run on: its processes are learned, found, ended, started, listened to."""
 import signal
 import socket
 import time
@@ -181,10 +178,7 @@ class LocalHost:
 
 
 def ask_to_leave(nodes: Nodes, node: str, answered: Callable[[], object] = lambda: None) -> bool:
-    """`rosnode kill` by its API; return whether the process has ended in time.
-
-    `answered` is called when the node has; elsewhere nobody may listen there. Raises ShsaError.
-    """
+    """`rosnode kill` by its API; return whether the process has ended in time. Raises ShsaError."""
     known = nodes.known(node)
     if known is None:
         raise ShsaError("it is not known which process it is")

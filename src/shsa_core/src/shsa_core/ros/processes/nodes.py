@@ -76,10 +76,7 @@ class Nodes:
             return {node for node, known in self._known.items() if known.process == process}
 
     def look(self, node: str) -> Optional[Known]:
-        """Return the process of a node by what the master and the kernel say now; None: none.
-
-        Raises one of FAILURES if the master does not answer.
-        """
+        """Return a node's process by what master and kernel say now. Raises one of FAILURES."""
         uri = uri_of(node)
         if not uri:
             return None
@@ -98,10 +95,7 @@ class Nodes:
         return Known(uri, listener(resolved(at), hint), at=at)
 
     def uri(self, node: str) -> str:
-        """Return the address of a node that is known; empty: it has none now.
-
-        Raises one of FAILURES if the master does not answer.
-        """
+        """Return the address of a known node; empty: it has none now. Raises one of FAILURES."""
         known = self.known(node)
         if known is None:
             return ""

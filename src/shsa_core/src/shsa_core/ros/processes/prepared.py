@@ -30,10 +30,7 @@ VARIABLES = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 def serve() -> None:
-    """Fork at each order; returns in each fork, whose `sys.argv` and environment are the order's.
-
-    Ends the process once nobody can give orders any more.
-    """
+    """Fork at each order, and return in each fork as what was ordered; without orders, end."""
     try:
         line = socket.socket(fileno=os.dup(0))
     except OSError:

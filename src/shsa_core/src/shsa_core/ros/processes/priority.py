@@ -25,10 +25,7 @@ most of a takeover."""
 
 
 def set_all(nice: int, pid: int = 0) -> None:
-    """Set the priority of all threads of a process, 0: of ours, and soon that of its session.
-
-    Threads are left alone if they cannot be raised again.
-    """
+    """Set the priority of a process's threads, if they can be raised again, and of its session."""
     pid = pid or os.getpid()
     may = _may_hurry()
     for thread in Path(f"/proc/{pid}/task").glob("*") if may else ():

@@ -1,7 +1,4 @@
-"""Starts a failed node again, with the command that it was started with, and sees it come up.
-
-By a mark in the environment of such a node the next reconfigurator, or agent, knows it.
-"""
+"""Starts a failed node again with the command that it was started with, and sees it come up."""
 import json
 import os
 import threading
@@ -128,10 +125,7 @@ class Restarts:
         return process
 
     def abandoned(self, ending: bool = False) -> List[str]:
-        """Return the nodes that were started again and still run, and whose starter has ended.
-
-        Or, if we are `ending`, is our own starter: it ends us, and so all that it has started.
-        """
+        """Return restarted nodes that run and whose starter ends; ours is, if we are `ending`."""
         running = filter(self._starts.__contains__, self._children.running())
         starters = {node: self._starts[node].starter for node in running}
         ours = identity(os.getppid()) if ending else NOBODY

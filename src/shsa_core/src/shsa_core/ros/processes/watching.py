@@ -108,9 +108,8 @@ class Companion:
     @property
     def told(self) -> str:
         """Return how the other one is, in words."""
-        return self.problem or (
-            "it gives signs of life" if self._process else "it was not heard yet"
-        )
+        well = "it gives signs of life" if self._process else "it was not heard yet"
+        return self.problem or well
 
     def _change(self, event: events.ProcessPulse) -> None:
         name, process, sign = event.node, self._process, self._signs.last.get(event.node)

@@ -4,10 +4,9 @@ Faults of rospy 1.15 to 1.17: it reads the header of a connection in the thread 
 all, so that a silent one keeps every subscriber out (`TCPROSServer`); each connection to its
 XML-RPC interface has a thread for good, and may send any length at any pace. Here each connection
 has a thread, a deadline and a largest size; where too many are open, the oldest of the caller goes
-that has the most; and each caller has one budget of processor time for all that it has us do: a
-user of this computer, or an address beyond; our own user and root are none, and the master's
-address owes nothing, as it would keep all others waiting. A subscriber of a topic that was just
-withdrawn is told so; rospy logs an "internal error".
+that has the most; and each caller, another user of this computer or an address beyond, has one
+budget of processor time for all that it has us do. A subscriber of a topic that was just withdrawn
+is told so; rospy logs an "internal error".
 """
 import io
 import os
@@ -47,15 +46,12 @@ _calling = threading.local()
 
 
 def charge_also(spent: float) -> None:
-    """Charge who is served by this thread with the time in s that another took for it, too."""
+    """Charge who is served by this thread for the time in s that another took for it."""
     _charged.until = getattr(_charged, "until", 0.0) - spent
 
 
 class Debts:
-    """The processor time in s that callers have had beyond their share. From any thread.
-
-    `free`: a caller who never owes anything.
-    """
+    """The processor time in s that callers have had beyond their share; `free` owes nothing."""
 
     def __init__(self, free: str = "") -> None:
         self._free = free
@@ -83,7 +79,7 @@ class Debts:
 
 
 class Inbound(socket.socket):
-    """A connection to us: another `caller` waits wherever its thread would read or write on.
+    """A connection to us: a `caller` in debt waits wherever its thread would read or write on.
 
     `given` is read first. Of what comes to a buffer, `left` bytes are read; then it ends.
     """
@@ -115,17 +111,14 @@ class Inbound(socket.socket):
         return count
 
     def publish(self, write: Callable[[], Any]) -> Any:
-        """Have a message written, unless another user of this computer would wait: it misses that.
-
-        It pays for what that costs the thread that publishes. Raises OSError if it owes too much.
-        """
+        """Write a message unless who gets it is in debt. Raises OSError if it owes too much."""
         if not self.caller.startswith(USER):
             return write()
         began, owed = time.thread_time(), self.debts.owed(self.caller)
         if owed > settings.PATIENCE_S:
             raise ConnectionAbortedError(f"{self.caller} has us do too much")
         try:
-            return True if owed else write()
+            return True if owed else write()  # it misses this one: nobody else waits for it
         finally:
             self.debts.owed(self.caller, time.thread_time() - began)
 
@@ -145,7 +138,7 @@ class Room:
         self._lock = threading.Lock()
 
     def admit(self, connection: socket.socket, most: int, serve: Callable[[Inbound], None]) -> None:
-        """Serve one more, unless its caller has called too much; others pay together for that."""
+        """Serve one more, unless its caller owes too much; others pay together for that."""
         caller = self._look(connection)
         try:
             if caller and self._debts.owed(caller) > settings.PATIENCE_S:
@@ -161,10 +154,7 @@ class Room:
             self._debts.wait(EVERYBODY if caller else "")
 
     def enter(self, connection: Inbound, most: int) -> None:
-        """Have one more, until it is closed or detached.
-
-        Where these are more than `most`, the oldest is ended of the caller that has most of them.
-        """
+        """Have one more; beyond `most` the oldest is ended of the caller that has most of them."""
         with self._lock:
             self._open = {each: None for each in self._open if each.fileno() >= 0}
             self._open[connection] = None
@@ -177,7 +167,7 @@ class Room:
             oldest.shutdown(socket.SHUT_RDWR)
 
     def _look(self, connection: socket.socket) -> str:
-        """Return the other user, or the address beyond; empty: it is of our own, or of root."""
+        """Return who calls; empty: our own user, or root."""
         try:
             user = self._speaker(connection)
             at = connection.getpeername()[0] if user is None else f"{USER}{user}"
@@ -187,10 +177,7 @@ class Room:
 
 
 def serve_each_by_itself(speaker: Speaker) -> None:
-    """To be called before the node is initialised.
-
-    `speaker` returns the user at the other end; None: that is on another computer. Raises OSError.
-    """
+    """To be called before the node is initialised; `speaker` is that of `trust/owners`."""
     debts = Debts(_master_host())
     waiting, calls, others = (Room(debts, speaker) for _ in range(3))
     start = _apart(TCPROSServer._tcp_server_callback, others)
@@ -209,7 +196,6 @@ def serve_each_by_itself(speaker: Speaker) -> None:
 
 
 def _master_host() -> str:
-    """Return the address of the computer that the master is on; empty: it cannot be told."""
     with suppress(*FAILURES):
         return resolved(rosgraph.get_master_uri()).host
     return ""
@@ -261,8 +247,6 @@ def _as_paid(write: Callable[[Any, bytes], Any]) -> Callable[[Any, bytes], Any]:
 
 
 def _with_room(serve: Callback, room: Room, most: str) -> Callback:
-    """Serve no more at the same time than the setting `most`: who was idle may come again."""
-
     def accept(server: Any, connection: socket.socket, address: Any) -> None:
         begin = lambda inbound: serve(server, inbound, address)
         room.admit(connection, getattr(settings, most), begin)
@@ -271,11 +255,10 @@ def _with_room(serve: Callback, room: Room, most: str) -> Callback:
 
 
 def _in_turn(handle: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Have a call cost its caller; head and body are bounded together."""
-
     def handled(handler: Any) -> None:
         connection = handler.connection
-        _calling.by, connection.left = connection.caller, 2 * settings.LARGEST_CALL_B
+        _calling.by = connection.caller
+        connection.left = 2 * settings.LARGEST_CALL_B  # for head and body together
         handle(handler)
         connection.pay()
 

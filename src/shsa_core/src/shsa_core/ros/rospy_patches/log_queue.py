@@ -1,8 +1,8 @@
 """Lines of the log, written by a thread of their own: whoever says something waits for nothing.
 
 Faults of rospy 1.15 to 1.17: a line of the log waits for a terminal that stands still, a disk, and
-the master, which is asked about one parameter at every line that goes to /rosout; here that is
-asked once. It follows a link that anybody has put where its log is to be.
+the master, which is asked about a parameter at every line. It follows a link that anybody has put
+where its log is to be.
 """
 import logging
 import logging.handlers
@@ -77,10 +77,7 @@ class _Later(logging.handlers.QueueHandler):
 
 
 def say_failures_once() -> None:
-    """Have every handler that fails, as on a full disk, say so once on stderr, and shortly.
-
-    A log is a file, and no link or pipe that somebody has put there: else it is not written.
-    """
+    """Have a handler that fails say so once on stderr; no log is written to a link or a pipe."""
     logging.Handler.handleError = _failed  # type: ignore
     logging.FileHandler._open = _opened  # type: ignore
 

@@ -34,7 +34,7 @@ def connections_of(publisher: rospy.Publisher) -> List[Any]:
 
 
 def send(publisher: rospy.Publisher, message: genpy.Message, connections: Iterable[Any]) -> None:
-    """Publish to these connections alone; nothing if it publishes no more."""
+    """Publish to these connections alone, if it publishes at all."""
     impl = publisher.impl
     if impl is None:
         return

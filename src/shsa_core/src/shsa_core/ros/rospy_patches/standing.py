@@ -23,7 +23,7 @@ WALL_TIME = "SHSA_WALL_TIME"
 
 
 def heed_launch() -> None:
-    """Have /use_sim_time not count if the launch says so; before the node is initialised."""
+    """Have /use_sim_time not count if the launch says so; to be called before `init_node`."""
     if os.environ.get(WALL_TIME) == "true":
         rospy.impl.simtime._is_use_simtime = lambda: False
 

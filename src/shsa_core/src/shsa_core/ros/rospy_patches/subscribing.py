@@ -1,8 +1,8 @@
 """Subscriptions whose connections are bounded, or read by a thread of our own.
 
-Faults of rospy 1.15 to 1.17: it takes any length that is claimed for a header or a message, and
-buffers it (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It waits 60 s for
-a publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
+Faults of rospy 1.15 to 1.17: it buffers any length that is claimed for a header or a message
+(`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It waits 60 s for a
+publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
 takes that call for a header, and serves nobody until it ends. It reads each connection in a thread
 that calls back, not saying when one ended, or when a message came. One that was refused stays in
 `connections`, so that no other is made to that node.
@@ -56,10 +56,7 @@ def read(
 
 
 def ask_in_time() -> None:
-    """Have rospy give up a publisher that does not answer within PATIENCE_S, and ask again later.
-
-    To be called before the node is initialised.
-    """
+    """Have rospy give up a publisher that does not answer in time; call it before `init_node`."""
     patient = lambda uri, **_: node_api(uri, settings.PATIENCE_S)
     masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
 
@@ -127,8 +124,8 @@ def subscribe(
 class HandedOver(_SubscriberImpl):
     """rospy's side of a subscription whose connections somebody else reads.
 
-    `made(transport)` is called once a connection stands and its header was read, `closed` when
-    rospy has closed one; from any thread.
+    `made(transport)` is called once a connection stands, `closed` when rospy has closed one; from
+    any thread.
     """
 
     def __init__(

@@ -90,10 +90,7 @@ class Wanted(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A message that has come; `whole`: its data is all of it.
-
-    `noted`: when its last part that was copied had come, see `ArrivalTimes`.
-    """
+    """A message; `whole`: its data is all of it; `noted`: when what was copied had come."""
 
     data: bytes
     whole: bool
@@ -101,10 +98,7 @@ class Frame(NamedTuple):
 
 
 class Frames:
-    """Reads messages from a socket that does not block.
-
-    `wanted` may change at any time; it counts for messages whose head was not read yet.
-    """
+    """Reads messages from a socket that does not block; `wanted` may change at any time."""
 
     def __init__(self) -> None:
         self.wanted = Wanted()
@@ -126,10 +120,7 @@ class Frames:
         return settings.EXPECTED_B if dropping else 1
 
     def read(self, connected: socket.socket) -> bool:
-        """Read what has come, a bounded part of it; False if the other end has closed.
-
-        Raises OSError if the connection is lost.
-        """
+        """Read a bounded part of what has come; False: the other end has closed. Raises OSError."""
         self._more = False
         for _ in range(settings.READS_A_TURN):
             try:
@@ -206,10 +197,7 @@ def noted_in(extra: Iterable[Tuple[int, int, bytes]]) -> int:
 
 
 class Moment(NamedTuple):
-    """One look at all clocks.
-
-    `wall` and `ros_time` in ns; `here`, by the monotonic clock, and `time`, the robot's, in s.
-    """
+    """One look at all clocks: `here` is monotonic, `time` the robot's, in s; the rest in ns."""
 
     wall: int
     here: float

@@ -62,11 +62,8 @@ def answers_at(pid: int, at: Address) -> bool:
 
 
 def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
-    """Return the process that answers at an address; None: none here, several, or one we can't see.
-
-    `hint`: it may be this one. Looks twice: rows that come and go may hide another in the table.
-    """
-    owned = listening(at) or listening(at)
+    """Return the process that answers at an address, maybe `hint`; None: none seen, or several."""
+    owned = listening(at) or listening(at)  # rows that come and go may hide another
     if owned is None:
         return None
     name = f"socket:[{owned.inode}]"
@@ -78,10 +75,7 @@ def listener(at: Address, hint: int = 0) -> Optional[psutil.Process]:
 
 
 def speaker(connected: socket.socket) -> Optional[int]:
-    """Return the user at the other end of a connection; None: that is on another computer.
-
-    Raises OSError if the connection has ended.
-    """
+    """Return the user at the other end; None: on another computer. Raises OSError: it ended."""
     here, there = _plain(connected.getsockname()), _plain(connected.getpeername())
     if not _is_own(there.host):
         return None

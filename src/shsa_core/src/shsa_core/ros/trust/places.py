@@ -34,10 +34,7 @@ def boot() -> str:
 
 
 def origin() -> bytes:
-    """Return what our signed messages name as their `boot`: BOOT_B bytes.
-
-    It differs if boot, clock, network or master do. Raises ShsaError if it cannot be told.
-    """
+    """Return what our signed messages name as their `boot`: BOOT_B bytes. Raises ShsaError."""
     parts = boot(), _namespace("time"), _namespace("net"), master_place()
     return hashlib.sha256(" ".join(parts).encode()).digest()[:BOOT_B]
 

@@ -1,7 +1,4 @@
-"""Healing's own messages, signed: strangers on the master can read them, but not speak for it.
-
-What is refused, and why: trust/seal.
-"""
+"""Healing's own messages, signed: others may read them, but not speak for it; see trust/seal."""
 import io
 import os
 import re
@@ -39,10 +36,7 @@ NONCE = re.compile(f"[0-9a-f]{{{2 * NONCE_B}}}")
 
 
 class Signing:
-    """Signs and checks messages by the secret in a file; empty: the default one.
-
-    `make`: it is made if it is not there. Raises ShsaError if it cannot be read.
-    """
+    """Signs and checks messages by the secret in a file, which it may `make`. Raises ShsaError."""
 
     def __init__(self, path: str = "", make: bool = True) -> None:
         self.path = os.path.abspath(path or secret_file.default_path())

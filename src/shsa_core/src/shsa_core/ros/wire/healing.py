@@ -47,10 +47,7 @@ def last_message(message: bytes) -> bytes:
 
 
 def health_seen(health: msg.Health, host: str = "") -> events.HealthSeen:
-    """Return the event of a message on /shsa/health. Raises ShsaError if it is none.
-
-    `host`: the computer whose monitor sent it.
-    """
+    """Return the event of a message of the monitor of `host` on /shsa/health. Raises ShsaError."""
     ahead = _ahead(health, health.header.stamp)
     keys = (key.partition(" ") for key in health.removed)
     return events.HealthSeen(

@@ -43,10 +43,7 @@ def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
 
 
 def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
-    """Return a message of the fields of its names that a record has, and of `others`.
-
-    A moment becomes a stamp; None becomes 0, or no text.
-    """
+    """Return a message of a record's fields, and `others`; None becomes 0, or no text."""
     types = dict(zip(kind.__slots__, kind._slot_types))
     same = {name: value for name, value in vars(record).items() if name in types.keys() - others}
     ahead = clock.offset() if any(types[name] == "time" for name in same) else 0.0
