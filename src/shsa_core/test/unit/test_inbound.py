@@ -9,6 +9,7 @@ import sys
 import threading
 import xmlrpc.client
 from contextlib import suppress
+from functools import partialmethod
 from types import SimpleNamespace
 from typing import Any, Dict, Iterator, List, Tuple
 
@@ -59,7 +60,9 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
     monkeypatch.setattr(
         TCPROSServer,
         "_tcp_server_callback",
-        inbound._with_room(inbound._apart(callback, rooms[0]), rooms[1], "MOST_WAITING"),
+        partialmethod(
+            inbound._with_room, inbound._apart(callback, rooms[0]), rooms[1], "MOST_WAITING"
+        ),
     )
     found = Server()
     yield found
@@ -118,7 +121,7 @@ def test_who_comes_for_a_withdrawn_topic_is_told_and_nobody_is_warned() -> None:
 
     ours, theirs = socket.socketpair()
     header = {"topic": "/withdrawn", "callerid": "/consumer", "md5sum": "*"}
-    assert inbound._unless_withdrawn(handle)(None, ours, "", header) is None
+    assert inbound._unless_withdrawn(None, handle, ours, "", header) is None
     assert b"/withdrawn is not published here now" in theirs.recv(1000)
     theirs.close()
 
@@ -245,7 +248,7 @@ def test_a_master_that_means_whoever_had_our_address_before_does_not_end_us(
 ) -> None:
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
     told: List[str] = []
-    done: Any = inbound.only_if_meant(lambda *words: told.append(words[2]))
+    done: Any = partialmethod(inbound.only_if_meant, lambda *words: told.append(words[2]))
     monkeypatch.setattr(ROSHandler, "shutdown", done)
     proxy = xmlrpc.client.ServerProxy(f"http://127.0.0.1:{api[1]}")
     for name in ("/before", rospy.get_name()):

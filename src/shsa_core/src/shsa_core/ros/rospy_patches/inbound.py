@@ -16,6 +16,7 @@ import threading
 import time
 from collections import Counter
 from contextlib import suppress
+from functools import partialmethod
 from typing import Any, Callable, Dict, Optional, Tuple
 
 import rosgraph
@@ -181,18 +182,19 @@ def serve_each_by_itself(speaker: Speaker) -> None:
     debts = Debts(_master_host())
     waiting, calls, others = (Room(debts, speaker) for _ in range(3))
     start = _apart(TCPROSServer._tcp_server_callback, others)
-    TCPROSServer._tcp_server_callback = _with_room(start, waiting, "MOST_WAITING")
-    TCPROSHandler.topic_connection_handler = _unless_withdrawn(
-        TCPROSHandler.topic_connection_handler
+    TCPROSServer._tcp_server_callback = partialmethod(_with_room, start, waiting, "MOST_WAITING")
+    topics, api = TCPROSHandler, ThreadingXMLRPCServer
+    topics.topic_connection_handler = partialmethod(
+        _unless_withdrawn, topics.topic_connection_handler
     )
-    ThreadingXMLRPCServer.process_request = _with_room(
-        ThreadingXMLRPCServer.process_request, calls, "MOST_API_CONNECTIONS"
+    api.process_request = partialmethod(
+        _with_room, api.process_request, calls, "MOST_API_CONNECTIONS"
     )
     handler = SilenceableXMLRPCRequestHandler
-    handler.handle_one_request = _in_turn(handler.handle_one_request)
-    handler.do_POST = _up_to(handler.do_POST)
-    ROSHandler.shutdown = only_if_meant(ROSHandler.shutdown)
-    QueuedConnection.write_data = _as_paid(QueuedConnection.write_data)
+    handler.handle_one_request = partialmethod(_in_turn, handler.handle_one_request)
+    handler.do_POST = partialmethod(_up_to, handler.do_POST)
+    ROSHandler.shutdown = partialmethod(only_if_meant, ROSHandler.shutdown)
+    QueuedConnection.write_data = partialmethod(_as_paid, QueuedConnection.write_data)
 
 
 def _master_host() -> str:
@@ -224,85 +226,68 @@ def _apart(callback: Callback, others: Room) -> Callback:
     return start
 
 
-def _unless_withdrawn(handle: Callable[..., Any]) -> Callable[..., Any]:
-    def connected(handler: Any, connection: socket.socket, address: Any, header: Any) -> Any:
-        topic = header.get("topic", "")
-        publisher = get_topic_manager().get_publisher_impl(topic)
-        if publisher is not None and publisher.data_class and not publisher.closed:
-            return handle(handler, connection, address, header)
-        rospy.logdebug("%s asked for %s, which is withdrawn.", header.get("callerid"), topic)
-        write_ros_handshake_header(connection, {"error": f"{topic} is not published here now"})
-        connection.close()
-        return None
-
-    return connected
-
-
-def _as_paid(write: Callable[[Any, bytes], Any]) -> Callable[[Any, bytes], Any]:
-    def written(connection: Any, data: bytes) -> Any:
-        to, work = connection.socket, lambda: write(connection, data)
-        return to.publish(work) if isinstance(to, Inbound) else work()
-
-    return written
+def _unless_withdrawn(
+    handler: Any, handle: Callable[..., Any], connection: socket.socket, address: Any, header: Any
+) -> Any:
+    topic = header.get("topic", "")
+    publisher = get_topic_manager().get_publisher_impl(topic)
+    if publisher is not None and publisher.data_class and not publisher.closed:
+        return handle(handler, connection, address, header)
+    rospy.logdebug("%s asked for %s, which is withdrawn.", header.get("callerid"), topic)
+    write_ros_handshake_header(connection, {"error": f"{topic} is not published here now"})
+    connection.close()
+    return None
 
 
-def _with_room(serve: Callback, room: Room, most: str) -> Callback:
-    def accept(server: Any, connection: socket.socket, address: Any) -> None:
-        begin = lambda inbound: serve(server, inbound, address)
-        room.admit(connection, getattr(settings, most), begin)
-
-    return accept
+def _as_paid(connection: Any, write: Callable[[Any, bytes], Any], data: bytes) -> Any:
+    to, work = connection.socket, lambda: write(connection, data)
+    return to.publish(work) if isinstance(to, Inbound) else work()
 
 
-def _in_turn(handle: Callable[[Any], None]) -> Callable[[Any], None]:
-    def handled(handler: Any) -> None:
-        connection = handler.connection
-        _calling.by = connection.caller
-        connection.left = 2 * settings.LARGEST_CALL_B  # for head and body together
-        handle(handler)
-        connection.pay()
-
-    return handled
+def _with_room(
+    server: Any, serve: Callback, room: Room, most: str, connection: socket.socket, address: Any
+) -> None:
+    room.admit(connection, getattr(settings, most), lambda each: serve(server, each, address))
 
 
-def only_if_meant(shut_down: Callable[..., Any]) -> Callable[..., Any]:
+def _in_turn(handler: Any, handle: Callable[[Any], None]) -> None:
+    connection = handler.connection
+    _calling.by = connection.caller
+    connection.left = 2 * settings.LARGEST_CALL_B  # for head and body together
+    handle(handler)
+    connection.pay()
+
+
+def only_if_meant(handler: Any, shut_down: Callable[..., Any], *arguments: Any) -> Any:
     """End for no other user of this computer, nor in place of whoever had our address before."""
-
-    def asked(handler: Any, *arguments: Any) -> Any:
-        by, meant = getattr(_calling, "by", ""), _MEANT.search(str(arguments[1:]))
-        if meant and meant.group(1) != rospy.get_name():
-            by = f"{meant.group(1)}, whose address this was"
-        elif not by.startswith(USER):
-            return shut_down(handler, *arguments)
-        rospy.logwarn_throttle(settings.LONGEST_PAUSE_S, f"Refused to shut down for {by}.")
-        return -1, "only its own user may end it", 0
-
-    return asked
+    by, meant = getattr(_calling, "by", ""), _MEANT.search(str(arguments[1:]))
+    if meant and meant.group(1) != rospy.get_name():
+        by = f"{meant.group(1)}, whose address this was"
+    elif not by.startswith(USER):
+        return shut_down(handler, *arguments)
+    rospy.logwarn_throttle(settings.LONGEST_PAUSE_S, f"Refused to shut down for {by}.")
+    return -1, "only its own user may end it", 0
 
 
-def _up_to(post: Callable[[Any], None]) -> Callable[[Any], None]:
+def _up_to(handler: Any, post: Callable[[Any], None]) -> None:
     """Refuse a call that sends too much, or too slowly, or what a parser would make larger."""
-
-    def bounded(handler: Any) -> None:
-        length = str(handler.headers.get("content-length", ""))
-        is_large = not length.isdigit() or len(length) > 9 or int(length) > settings.LARGEST_CALL_B
-        if is_large or handler.headers.get("content-encoding"):
-            handler.close_connection = True
-            handler.send_error(413)
-            return
-        came = handler.rfile
-        try:
-            body = read(handler.connection, int(length), came.read1, settings.PATIENCE_S)
-            if b"<!" in body:
-                raise ShsaError("it is no plain XML-RPC")
-        except (OSError, ShsaError) as error:
-            rospy.logdebug("A call is given up: %s", error)
-            handler.close_connection = True
-            return
-        handler.rfile = io.BytesIO(body)
-        try:
-            post(handler)
-        finally:
-            handler.rfile = came
-
-    return bounded
+    length = str(handler.headers.get("content-length", ""))
+    is_large = not length.isdigit() or len(length) > 9 or int(length) > settings.LARGEST_CALL_B
+    if is_large or handler.headers.get("content-encoding"):
+        handler.close_connection = True
+        handler.send_error(413)
+        return
+    came = handler.rfile
+    try:
+        body = read(handler.connection, int(length), came.read1, settings.PATIENCE_S)
+        if b"<!" in body:
+            raise ShsaError("it is no plain XML-RPC")
+    except (OSError, ShsaError) as error:
+        rospy.logdebug("A call is given up: %s", error)
+        handler.close_connection = True
+        return
+    handler.rfile = io.BytesIO(body)
+    try:
+        post(handler)
+    finally:
+        handler.rfile = came

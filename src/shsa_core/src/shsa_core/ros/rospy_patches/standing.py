@@ -7,6 +7,7 @@ that whoever sets it can stop the time of healing.
 """
 import os
 import time
+from functools import partialmethod
 from typing import Any, Callable
 
 import rospy
@@ -30,20 +31,17 @@ def heed_launch() -> None:
 
 def keep_rospys_threads() -> None:
     """To be called before the node is initialised."""
-    TCPServer.run = _kept(TCPServer.run, lambda server: server.is_shutdown)
-    RegManager.run = _kept(RegManager.run, lambda _: rospy.is_shutdown())
+    TCPServer.run = partialmethod(_kept, TCPServer.run, lambda server: server.is_shutdown)
+    RegManager.run = partialmethod(_kept, RegManager.run, lambda _: rospy.is_shutdown())
 
 
-def _kept(run: Callable[[Any], None], over: Callable[[Any], bool]) -> Callable[[Any], None]:
-    def kept(thread: Any) -> None:
-        while True:
-            try:
-                run(thread)
+def _kept(thread: Any, run: Callable[[Any], None], over: Callable[[Any], bool]) -> None:
+    while True:
+        try:
+            run(thread)
+            return
+        except EXHAUSTED as error:
+            if over(thread):
                 return
-            except EXHAUSTED as error:
-                if over(thread):
-                    return
-                rospy.logerr_throttle(10.0, f"Connections wait, and are tried again: {error}")
-                time.sleep(settings.TURN_S)
-
-    return kept
+            rospy.logerr_throttle(10.0, f"Connections wait, and are tried again: {error}")
+            time.sleep(settings.TURN_S)

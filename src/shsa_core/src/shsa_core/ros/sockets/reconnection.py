@@ -157,18 +157,11 @@ class Reconnection:
 
 def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]:
     """Connect as rospy does when the master tells it of a publisher; None: it does not answer."""
-    if implementation.connects(uri):
-        return True
     try:
         protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
-    except ConnectionError:  # who is cut off, or waits for a processor, closes nothing
-        return False
-    except OSError:
-        return None
-    except FAILURES:
-        return False
-    if not protocol:
-        return False
-    if implementation.connects(uri):  # rospy was faster
-        return True
+    except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing
+        waits = isinstance(error, OSError) and not isinstance(error, ConnectionError)
+        return None if waits else False
+    if not protocol or implementation.connects(uri):  # rospy was faster
+        return bool(protocol)
     return bool(get_tcpros_handler().create_transport(topic, uri, protocol)[0] == 1)

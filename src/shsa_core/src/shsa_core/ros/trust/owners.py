@@ -28,10 +28,9 @@ class Owned(NamedTuple):
 
 def is_local(uri: str) -> bool:
     """Return whether a node's address is one of this computer."""
-    try:
+    with suppress(BadAnswer, OSError):
         return _is_own(resolved(uri).host)
-    except (BadAnswer, OSError):
-        return False
+    return False
 
 
 def _is_own(host: str) -> bool:
