@@ -313,7 +313,7 @@ def test_a_caller_has_one_budget_for_all_that_it_has_us_do(
     rooms[0].admit(call[0], 10, served.append)
     assert [each.caller for each in served] == [f"user {STRANGERS}"]
     inbound.charge_also(6.0)  # as for a service's answer, which another thread finds
-    served[0].pay()
+    served[0].debts.wait(served[0].caller, at_once=True)
     rooms[1].admit(subscribe[0], 10, served.append)
     assert len(served) == 1 and subscribe[1].recv(1) == b""  # refused, before anything is read
     for each in (call[1], subscribe[1], *served):

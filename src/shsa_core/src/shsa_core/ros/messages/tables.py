@@ -221,7 +221,6 @@ class TableSubscriber:
                 self._miss()
 
     def _miss(self) -> None:
-        """Subscribe again soon, unless a whole table comes before."""
         self._follows = False
         if self._retry is None:
             pause = self._subscribed + settings.FIRST_PAUSE_S - time.monotonic()

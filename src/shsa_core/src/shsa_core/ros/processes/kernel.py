@@ -81,10 +81,9 @@ def identity(pid: int) -> Identity:
 
 def ended(known: Identity) -> bool:
     """Return whether a process has ended, though nobody may have asked for its exit status yet."""
-    try:
+    with suppress(OSError):  # nobody counts as dead because we lack the means to look
         return known == NOBODY or identity(known[0]) != known
-    except OSError:
-        return False  # nobody counts as dead because we lack the means to look
+    return False
 
 
 def never_to_end(process: psutil.Process) -> str:
@@ -133,10 +132,9 @@ def gone(process: psutil.Process) -> bool:
 
 def stopped(pid: int) -> bool:
     """Return whether a process is stopped, so that it hears nothing."""
-    try:
+    with suppress(psutil.Error, OSError):  # it has ended, or we lack the means to look
         return _status(psutil.Process(pid)) == psutil.STATUS_STOPPED
-    except (psutil.Error, OSError):  # it has ended, or we lack the means to look
-        return False
+    return False
 
 
 def _status(process: psutil.Process) -> Optional[str]:
@@ -160,20 +158,16 @@ def waited(pid: int) -> float:
 
 def waited_in_all(path: str) -> Waits:
     """Return for how long in s anything waited for a processor, by a file as /proc/pressure/cpu."""
-    try:
-        with open(path, encoding="ascii") as file:
-            return (("", 1e-6 * int(file.readline().rpartition("total=")[2])),)
-    except (OSError, ValueError):
-        return ()
+    with suppress(OSError, ValueError), open(path, encoding="ascii") as file:
+        return (("", 1e-6 * int(file.readline().rpartition("total=")[2])),)
+    return ()
 
 
 def crowded() -> bool:
     """Return whether there are more threads that could run now than processors, if that is told."""
-    try:
-        with open("/proc/loadavg", encoding="ascii") as file:
-            return int(file.read().split()[3].partition("/")[0]) > (os.cpu_count() or 1)
-    except OSError:
-        return False  # as where no file can be opened
+    with suppress(OSError), open("/proc/loadavg", encoding="ascii") as file:
+        return int(file.read().split()[3].partition("/")[0]) > (os.cpu_count() or 1)
+    return False
 
 
 def kill(process: psutil.Process, number: int = signal.SIGKILL) -> None:

@@ -1,10 +1,8 @@
 """Launches: which one has started a node, and that one is ending.
 
 While one is ending nodes stop on purpose, and nothing is to be healed. roslaunch signals its nodes
-ten at a time, in no certain order: a healthy node may be gone seconds before we are told to go. It
-writes to its log that it shuts down before it signals anybody, and that log is open in the parent
-process of its nodes. Where it cannot be read, our own signal is the first sign, and for nodes of
-others there is none.
+ten at a time, seconds apart. Before that it writes to its log, which is open in the parent process
+of its nodes, that it shuts down. Where it cannot be read, our own signal is the first sign.
 
 Two nodes of one name would end each other for ever: the master shuts the older one down, and its
 launch starts it again. So it is looked before anything is registered.
@@ -101,12 +99,10 @@ class Launches:
         time.sleep(settings.CALL_S)
         with self._lock:
             nodes, self._unknown = self._unknown, set()
-        for node, pid in ((each.node, each.process.pid) for each in kernel.robot_processes()):
-            if node not in nodes:
-                continue
-            launch, log = _find_log(pid) or (0, None)
+        for running in (each for each in kernel.robot_processes() if each.node in nodes):
+            launch, log = _find_log(running.process.pid) or (0, None)
             with self._lock:
-                self._known[node] = pid, launch
+                self._known[running.node] = running.process.pid, launch
                 if log is not None:
                     self._logs.setdefault(launch, log)
                 launches = {launch for _, launch in self._known.values()}

@@ -142,7 +142,6 @@ class LocalHost:
         self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent))
 
     def _starter(self, node: str) -> str:
-        """Return the process that has started a node, in words; empty: not known."""
         known = self.nodes.known(node)
         process = known.process if known else None
         for starter in kernel.ancestors(process.pid)[:1] if process else ():

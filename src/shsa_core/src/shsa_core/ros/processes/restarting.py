@@ -22,8 +22,8 @@ MARK = "SHSA_RESTARTED"
 
 
 def _children(pid: int) -> List[int]:
-    files = Path(f"/proc/{pid}/task").glob("*/children")
     with suppress(OSError):
+        files = Path(f"/proc/{pid}/task").glob("*/children")
         return [int(number) for file in files for number in file.read_text().split()]
     return []
 

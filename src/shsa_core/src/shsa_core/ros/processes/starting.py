@@ -45,8 +45,8 @@ class Setup(NamedTuple):
     `secret_file`: by which they know their reconfigurator. `journals`: what the paths of their
     journals begin with; empty: they keep none. `sandbox`: a command to run each of them in. `host`:
     the name of the agent that we are part of; empty: of none. `forks`: without a sandbox they are
-    forked from a prepared process, which has loaded the message `types`; see Forking for `ready`.
-    `restarts`: nodes may be started again.
+    forked from a prepared process, which has loaded the message `types`; `ready` is called, in a
+    thread, whenever one is there. `restarts`: nodes may be started again.
     """
 
     prefix: str
@@ -99,7 +99,7 @@ class Substitutes:
         self.forking: Optional[Forking] = None
         if setup.forks and not setup.sandbox:
             run = [*limits, self._paths["substitute"]]
-            self.forking = Forking(run, self._variables, setup.types, setup.ready)
+            self.forking = Forking(run, self._variables, setup)
 
     def start(self, command: StartSubstitute) -> None:
         """Start a muted substitute, idle without a program. Raises OSError."""
@@ -166,22 +166,12 @@ LONGEST_ANSWER_B = 100
 
 
 class Forking:
-    """Keeps a prepared process, in a thread of its own; it ends with ours.
+    """Keeps a prepared process, by a command and an environment, in a thread; it ends with ours."""
 
-    `words`: its command; `variables`: its environment, which every fork has; `types`: the message
-    types that it is to load; `ready` is called whenever it is there.
-    """
-
-    def __init__(
-        self,
-        words: Sequence[str],
-        variables: Mapping[str, str],
-        types: Sequence[str],
-        ready: Callable[[], object],
-    ) -> None:
-        self._words = [*words, OPTION, " " * SPACE, *types]
+    def __init__(self, words: Sequence[str], variables: Mapping[str, str], setup: Setup) -> None:
+        self._words = [*words, OPTION, " " * SPACE, *setup.types]
         self._variables = {**variables, **VARIABLES}
-        self._ready = ready
+        self._ready = setup.ready
         self._lock = threading.Lock()
         self._process: Optional["subprocess.Popen[bytes]"] = None
         self._line: Optional[socket.socket] = None  # to a process that is ready

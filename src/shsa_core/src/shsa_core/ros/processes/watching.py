@@ -14,8 +14,6 @@ from shsa_core.ros.processes.heartbeats import Heart, Sign, Signs
 from shsa_core.ros.workers import Workers, guarded
 from shsa_core.watch import Watch
 
-Told = Callable[[events.ProcessPulse], None]
-
 
 @dataclass
 class _Seen:
@@ -38,7 +36,7 @@ class Life:
         self,
         signs: Signs,
         watched: Callable[[str], bool],
-        tell: Told,
+        tell: Callable[[events.ProcessPulse], None],
         patience: int = settings.HUNG_BEATS,
         at_work: Callable[[], bool] = lambda: True,
         stopping_counts: bool = True,

@@ -93,10 +93,6 @@ class Inbound(socket.socket):
         super().__init__(fileno=connection.detach())
         self.caller, self.debts, self._given = caller, debts, given
 
-    def pay(self) -> None:
-        """Charge the caller with what this thread did."""
-        self.debts.wait(self.caller, at_once=True)
-
     def recv(self, size: int, flags: int = 0) -> bytes:
         """Return what comes next."""
         given, self._given = self._given[:size], self._given[size:]
@@ -218,7 +214,7 @@ def _apart(callback: Callback, others: Room) -> Callback:
         except (OSError, ShsaError) as error:
             rospy.logdebug("A connection from %s is given up: %s", address, error)
             connection.close()
-        connection.pay()
+        connection.debts.wait(connection.caller, at_once=True)
 
     def start(*arguments: Any) -> None:
         threading.Thread(target=serve, args=arguments, name="inbound", daemon=True).start()
@@ -255,7 +251,7 @@ def _in_turn(handler: Any, handle: Callable[[Any], None]) -> None:
     _calling.by = connection.caller
     connection.left = 2 * settings.LARGEST_CALL_B  # for head and body together
     handle(handler)
-    connection.pay()
+    connection.debts.wait(connection.caller, at_once=True)
 
 
 def only_if_meant(handler: Any, shut_down: Callable[..., Any], *arguments: Any) -> Any:

@@ -204,7 +204,6 @@ class Subscriptions:
         self._caller_ids.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
-        """Have what comes from now on count for the node whose connection it is."""
         topic, publisher = connection.topic, connection.publisher
         yield from self._disown(connection)
         alike = [each for each in self._standing.values() if each.is_known and each.topic == topic]
@@ -260,7 +259,6 @@ class Subscriptions:
             connection.wakes = wakes
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
-        """Forget a connection that has ended, and doubt its publisher, if it has no other."""
         self._forget(connection)
         topic, publisher = connection.topic, connection.publisher
         lost = topic, connection.uri, self.topics[topic]

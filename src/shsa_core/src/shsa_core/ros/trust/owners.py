@@ -13,7 +13,7 @@ from shsa_core.ros.master.node_api import Address, BadAnswer, family, resolved
 
 ESTABLISHED, LISTENING = 1, 10
 SOCK_DIAG, BY_FAMILY, REQUEST, MULTI, DUMP = 4, 20, 0x1, 0x2, 0x300
-"""See sock_diag(7): /proc/net/tcp takes ms to be read where there were many connections."""
+"""See sock_diag(7): to read /proc/net/tcp takes ms where there were many connections."""
 HEADER = struct.Struct("=IHHII")
 QUERY = struct.Struct("=BBBxI 2s2s16s16s4x8s")
 ANSWER = struct.Struct("=BBxx 2s2s16s16s4x8s 12xII")

@@ -46,7 +46,7 @@ class Signing:
         self._challenger = Challenger(self._secret)
         self.boots = Boots(self._boot, self._challenger.ask, time.monotonic_ns)
         self._lock = threading.Lock()
-        self._measuring: Optional[threading.Thread] = None
+        self._measuring = threading.Thread(target=self._measure, name="clocks", daemon=True)
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
@@ -136,17 +136,12 @@ class Signing:
         message.refusal = self.boots.refusal(message.data[end : end + BOOT_B], sender)
         if message.refusal:
             return message
-        self._keep_measured()
+        with self._lock:
+            if self._measuring.ident is None:  # one computer alone needs no such thread
+                self._measuring.start()
         again = type(message)()
         again._connection_header = message._connection_header
         return again.deserialize(message.data)
-
-    def _keep_measured(self) -> None:
-        """Compare clocks from now on, in a thread that one computer alone does not need."""
-        with self._lock:
-            if self._measuring is None:
-                self._measuring = threading.Thread(target=self._measure, name="clocks", daemon=True)
-                self._measuring.start()
 
     def _measure(self) -> None:
         while not rospy.is_shutdown():

@@ -69,7 +69,7 @@ def read(
     Stamps are moments by a clock that is so far ahead of ours. Raises ShsaError if a word is none.
     """
     record: Any = kind
-    wanted, hints = set(message.__slots__).difference(others), _hints(kind)
+    wanted, hints = set(message.__slots__).difference(others), _hints(record)
     values = {
         each.name: _read(each, hints[each.name], getattr(message, each.name), ahead)
         for each in fields(record)
