@@ -1,8 +1,7 @@
 """Tables sent as changes: a new subscriber, or one that missed a change, gets the whole.
 
-The messages have the fields `header`, `began`, `sequence`, `whole`, `removed` and one with rows;
-see shsa_msgs/Health. A table that commands, or that decisions read, is signed. One of which some
-subscribers are told only what concerns them has `to` as well; see shsa_msgs/Substitutions.
+The messages have the fields of shsa_msgs/Health, with other rows; where some subscribers are told
+only what concerns them, `to` as well. A table that commands, or that decisions read, is signed.
 """
 import io
 import threading
@@ -98,9 +97,7 @@ class TablePublisher(rospy.SubscribeListener):
             rows = [self._rows[key] for key in keys if key in self._rows]
             self._send(channel, up, rows, [key for key in keys if key not in self._rows])
 
-    def peer_subscribe(
-        self, topic_name: str, topic_publish: object, peer_publish: Callable[[Any], None]
-    ) -> None:
+    def peer_subscribe(self, *_: object) -> None:
         """Called by rospy, in a thread of its own, once a subscriber has connected."""
         with self._lock:
             known: Set[int] = set()

@@ -27,7 +27,7 @@ from shsa_core.ros.workers import Workers
 
 Work = Callable[[Any], object]
 LEARNING = 2
-"""So many nodes are learned at the same time: to look at each is work for several processes."""
+"""Nodes that are learned at the same time: to look at each is work for several processes."""
 
 
 class LocalHost:

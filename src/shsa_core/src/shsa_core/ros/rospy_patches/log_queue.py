@@ -105,8 +105,7 @@ def _failed(handler: logging.Handler, *_: logging.LogRecord) -> None:
 
 def ask_once_for_rosout() -> None:
     """Have rospy know for good whether lines on /rosout name the topics of the node."""
-    try:
+    value = False
+    with suppress(*FAILURES):
         value = bool(rospy.get_param(ROSOUT, False))
-    except FAILURES:
-        value = False
     get_param_server_cache().set(ROSOUT, value)
