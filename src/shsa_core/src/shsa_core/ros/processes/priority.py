@@ -25,7 +25,7 @@ most of a takeover."""
 
 
 def set_all(nice: int, pid: int = 0) -> None:
-    """Set the priority of a process's threads, if they can be raised again, and of its session."""
+    """Set the priority of the threads of a process, 0: of ours, if they can be raised again."""
     pid = pid or os.getpid()
     may = _may_hurry()
     for thread in Path(f"/proc/{pid}/task").glob("*") if may else ():
