@@ -176,7 +176,7 @@ class AnyRobot(RuleBasedStateMachine):
         }
         here = [turns[name] for name, idle in pool.processes.items() if not idle.host]
         assert sum(turns.values()) == sum({turn for turn in here if turn >= ANSWER_S})
-        rows.update(pool.plans)
+        rows.update({name: core._processes.wanted.rows[name] for name in pool.hosts})
         for name, healing in core.services.items():
             assert self.incidents.get(name) == core.incident(name)
             plan = healing.substitute.plan

@@ -49,27 +49,21 @@ class Core:
         machine = self.services.get(service)
         return machine.incident if machine and machine.incident is not WELL else None
 
-    def ask(self, name: str, ask: Ask, removed: Optional[Service] = None) -> List[Command]:
-        """Have a service decide, and keep up what follows; `removed`: what it was in the SOM."""
+    def ask(self, name: str, ask: Ask) -> List[Command]:
+        """Have a service decide, and keep up what follows."""
         machine, robot = self.services.get(name), self.robot
-        service = removed or robot.som.services.get(name)
+        service = robot.spec(name)
         if machine is None or service is None:
             return []
-        machine.spec = service
-        if service.host and removed is None:
-            machine.spec = robot.spec(name) or service
-        before = machine.incident
-        decided = before, machine.substitute.node, machine.substitute.plan
+        machine.spec, before = service, machine.incident
         commands = ask(machine)
         incident, substitute = machine.incident, machine.substitute
         row, accused = machine.row(), machine.accusation
         shown = None if incident is WELL else incident
         for each in commands:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
-        about = accused.kind, accused.fate, row
-        record = ServiceRecord(name, service.topic, shown, *about)
-        if (incident, substitute.node, substitute.plan) != decided:
-            robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
+        record = ServiceRecord(name, service.topic, shown, accused.kind, accused.fate, row)
+        robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
         self.agenda.set(name, min(machine.timers.values(), default=None))
         if row is not None:
             self.processes.wanted.set(row_key(row), row)

@@ -209,9 +209,8 @@ class Reconfigurator:
         self._core.add(service)
         self._offer(service)
 
-    def _remove(self, service: Service) -> List[Command]:
-        name = service.name
-        commands = self._core.ask(name, lambda each: each.fire(Trigger.WITHDRAWN), service)
+    def _remove(self, name: str) -> List[Command]:
+        commands = self._core.ask(name, lambda each: each.fire(Trigger.WITHDRAWN))
         del self.services[name]
         self.robot.planner.plans.forget(name)
         self.robot.calibrations.forget(name)
@@ -238,15 +237,15 @@ class Reconfigurator:
         if event.ontology is not None:
             robot.planner.load(event.ontology, robot.som)
         self._given = event.som
-        old, robot.som = robot.som, robot.as_told(event.som)
-        robot.planner.som = som = robot.som
+        old, som = robot.som, robot.as_told(event.som)
         commands: List[Command] = []
         both = [*old, *som]
         topics = {e.topic for e in both if old.services.get(e.name) != som.services.get(e.name)}
         for before in old:
             now = som.services.get(before.name)
             if now is None or now.topic != before.topic:
-                commands += self._remove(before)
+                commands += self._remove(before.name)
+        robot.som = robot.planner.som = som
         for service in som:
             if service.name not in self.services:
                 self._add(service)

@@ -79,10 +79,9 @@ class Processes:
 
     def place(self, service: Service, plan: Plan) -> Place:
         """Return the computer for a plan; rather where an idle process is. Raises ShsaError."""
-        ready, time = self.pool.plans.get(service.name), self._robot.time
-        host = "" if ready is None else ready.host
+        time, ready = self._robot.time, self.pool.hosts.get(service.name)
         idle = {each.host for each in self.pool.processes.values() if ready is not None}
-        return self.placement.place(time, service, self.placement.inputs(plan), host, idle)
+        return self.placement.place(time, service, self.placement.inputs(plan), ready or "", idle)
 
     def _placed(self, host: str, since: float) -> List[Cost]:
         """Return what the substitutes cost that were set to work on a computer since a moment."""
@@ -134,8 +133,6 @@ class Processes:
     def _start(self, command: events.StartSubstitute) -> events.StartSubstitute:
         self._robot.health.substitutes.add(command.node, self.nodes)
         self.starts.began(self._robot.time, command.node)
-        if command.host:
-            self._robot.elsewhere[command.node] = command.host
         return command
 
     def take_up(self, service: Service, node: str, host: str, shared: bool) -> None:
@@ -201,13 +198,14 @@ class Processes:
         if plan is not None:
             host = self.placement.stands_by(self._robot.time, service, self.placement.inputs(plan))
         else:
-            known = self.pool.plans.get(service.name)
-            host = known.host if known and self._robot.computers.reachable(known.host) else ""
-        self.wanted.set(service.name, self.pool.serve(service, self._robot.planner, plan, host))
+            known = self.pool.hosts.get(service.name, "")
+            host = known if self._robot.computers.reachable(known) else ""
+        self.pool.hosts[service.name] = host
+        self.wanted.set(service.name, self._robot.planner.row(service, plan, node="", host=host))
 
     def no_stand_by(self, service: str) -> None:
         """Prepare for a service no more."""
-        self.pool.forget(service)
+        self.pool.hosts.pop(service, None)
         self.wanted.set(service, None)
 
     def refill(self, time: float) -> List[Command]:

@@ -1,13 +1,10 @@
 """The idle processes that the warm services share, and the pace of starts."""
 from dataclasses import dataclass
 from math import inf
-from typing import Callable, Container, Counter, Dict, List, Optional, Set
+from typing import Callable, Container, Dict, List, Optional, Set
 
-from shsa_core.codegen.plans import Plan
-from shsa_core.model.service import Service
-from shsa_core.model.substitution import CHANGEOVER_S, Substitution
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.planning.placement import Computers
-from shsa_core.planning.planner import Planner
 from shsa_core.planning.settings import AT_ONCE, LONGEST_START_S, START_S
 
 
@@ -28,17 +25,16 @@ class IdleProcess:
 class Pool:
     """Idle processes: `size` of them on each computer on which warm services are placed.
 
-    They prepare for `plans`, one row a warm service: they listen to its inputs and have advertised
-    its outputs, so that the consumers are connected; a roscpp consumer takes 0.2 s for that.
-    `heard`: those that have given a sign of life. `pause`: s after so many deaths in a row.
+    They listen to the inputs of these services and have advertised their outputs, so that the
+    consumers are connected; a roscpp consumer takes 0.2 s for that. `hosts`: the computer of each
+    warm service. `heard`: who has given a sign of life. `pause`: s after so many deaths in a row.
     """
 
     def __init__(self, size: int, pause: Callable[[int], float]) -> None:
         self.processes: Dict[str, IdleProcess] = {}
         self.heard: Set[str] = set()
-        self.plans: Dict[str, Substitution] = {}
+        self.hosts: Dict[str, str] = {}
         self._size, self._pause = size, pause
-        self._wanted: Counter[str] = Counter()  # how many plans each computer has
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
@@ -54,12 +50,13 @@ class Pool:
     def _lacking(self) -> Dict[str, float]:
         """Return when the computers that warm services are placed on, and lack one, get one."""
         running = [each.host for each in self.processes.values()]
-        lacking = (host for host in sorted(self._wanted) if running.count(host) < self._size)
+        wanted = sorted(set(self.hosts.values()))
+        lacking = (host for host in wanted if running.count(host) < self._size)
         return {host: self._refill_at.get(host, -inf) for host in lacking}
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
-        wanted = self._wanted
+        wanted = set(self.hosts.values())
         left = lambda host: (wanted and host not in wanted) or computers.lost(host)
         return [each.node for each in self.processes.values() if left(each.host)]
 
@@ -72,23 +69,6 @@ class Pool:
         heard = [each for each in here if each.node in self.heard]
         speaks = [each for each in here if each.node in speak]
         return next(iter(speaks or heard or here), None)
-
-    def serve(
-        self, service: Service, planner: Planner, plan: Optional[Plan], host: str = ""
-    ) -> Substitution:
-        """Be ready on a computer for a warm service, as far as its plan is known."""
-        self.forget(service.name)
-        self._wanted[host] += 1
-        row = planner.row(service, plan, node="", host=host)
-        self.plans[service.name] = row
-        return row
-
-    def forget(self, name: str) -> None:
-        """A service is not warm any more."""
-        former = self.plans.pop(name, None)
-        if former is not None:
-            self._wanted[former.host] -= 1
-            self._wanted = +self._wanted  # without those that have none left
 
     def add(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
