@@ -337,7 +337,7 @@ def test_the_next_reconfigurator_goes_on_with_the_same_numbers() -> None:
     node = robot.heal(10.0)
     row = robot.shown[node]
     records, robot.written = tuple(robot.written.values()), {}
-    robot.core, robot.shown = Reconfigurator(ONTOLOGY, SOM, robot.core.settings), {}
+    robot.core, robot.shown = Reconfigurator(ONTOLOGY, SOM, robot.core.robot.settings), {}
     robot.handle(events.Started(20.0, (), (), records, (node,)))
     assert robot.shown[node] == row and calibrated(robot) == (1.2, 0.5)
 

@@ -208,7 +208,7 @@ def test_a_link_that_drops_again_and_again_ends_with_one_publisher_and_no_punish
         time += 2.0
         assert publishing(robot) == (False,)
     seen(robot, time - 0.5, PI)
-    robot.handle(events.Tick(time + robot.core.settings.hold_off_limit))
+    robot.handle(events.Tick(time + robot.core.robot.settings.hold_off_limit))
     assert robot.core.incident("a") is None and publishing(robot) == (False,)
     assert not has(robot.said, events.FindNode)
 

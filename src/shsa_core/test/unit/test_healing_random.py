@@ -433,7 +433,7 @@ class AnyRobot(RuleBasedStateMachine):
         """All plans are made: each is as good as one that is searched for now."""
         while self.core.plans_ahead:
             self.hear(events.Idle(self.now))
-        plans, method = self.core.robot.planner.plans, self.core.settings.method
+        plans, method = self.core.robot.planner.plans, self.core.robot.settings.method
         for service in self.core.needed():
             made, name = plans.plan(service.name), service.name
             found: Optional[Plan] = None

@@ -41,7 +41,7 @@ def succeed(
     core = robot.core
     models: Dict[str, Any] = {"ontology": ONTOLOGY, "som": core.robot.som, **changes}
     records, robot.written = tuple(robot.written.values()), {}
-    robot.core, robot.shown = Reconfigurator(settings=core.settings, **models), {}
+    robot.core, robot.shown = Reconfigurator(settings=core.robot.settings, **models), {}
     started = events.Started(time, (), (), records, running, subscribers=subscribers)
     return robot.handle(started)
 

@@ -9,7 +9,7 @@ from shsa_core.agenda import Agenda
 from shsa_core.healing import events
 from shsa_core.healing.events import Command
 from shsa_core.healing.incident import WELL, Incident
-from shsa_core.healing.kill import KillOver, Said
+from shsa_core.healing.kill import KillOver
 from shsa_core.healing.node import Nodes
 from shsa_core.healing.process import Processes
 from shsa_core.healing.records import ServiceRecord
@@ -30,7 +30,7 @@ class Core:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
-        self.nodes = Nodes(robot)
+        self.nodes = Nodes(robot, self._kill_over)
         self.processes = Processes(robot)
         self.services: Dict[str, ServiceMachine] = {}
         self.asked: Agenda[str] = Agenda()
@@ -83,17 +83,9 @@ class Core:
             commands += self.ask(name, ask)
         return commands
 
-    def deliver(self, said: Iterable[Said]) -> List[Command]:
-        """Carry how kills ended to the services that accuse the node; the rest are commands."""
-        commands: List[Command] = []
-        for each in said:
-            if isinstance(each, KillOver):
-                kill = each
-                self.unsettle_node(kill.node)
-                commands += self.ask_accusers(kill.node, lambda service: service.heed(kill))
-            else:
-                commands.append(each)
-        return commands
+    def _kill_over(self, kill: KillOver) -> List[Command]:
+        self.unsettle_node(kill.node)
+        return self.ask_accusers(kill.node, lambda service: service.heed(kill))
 
     def ask_accusers(self, node: str, ask: Ask) -> List[Command]:
         """Have those services decide that accuse a node."""

@@ -63,17 +63,14 @@ class Started(Event):
     duties: Tuple[Tuple[str, Tuple[str, ...]], ...] = ()
 
 
-@dataclass(frozen=True)
 class Prepared(Event):
     """The process from which substitutes are forked is up: they take less from now on."""
 
 
-@dataclass(frozen=True)
 class ShuttingDown(Event):
     """The reconfigurator is about to end."""
 
 
-@dataclass(frozen=True)
 class LaunchEnding(Event):
     """The launch that the robot belongs to is ending: from now on nodes stop on purpose."""
 
@@ -153,7 +150,6 @@ class NodeLearned(NodeEvent):
     starts: bool = True
 
 
-@dataclass(frozen=True)
 class NodeCameUp(NodeEvent):
     """A process has come up as one of the nodes of WatchNodes."""
 
@@ -173,17 +169,14 @@ class NodeFound(NodeEvent):
     rate: Optional[float] = None
 
 
-@dataclass(frozen=True)
 class NodeAnswered(NodeEvent):
     """A node that was asked to leave has answered: it is well enough to shut down in order."""
 
 
-@dataclass(frozen=True)
 class NodeLeft(NodeEvent):
     """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
 
-@dataclass(frozen=True)
 class NodeUnregistered(NodeEvent):
     """A node that is gone had unregistered itself at the master: it was told to leave."""
 
@@ -195,7 +188,6 @@ class ProcessUntouchable(NodeEvent):
     detail: str = ""
 
 
-@dataclass(frozen=True)
 class SubstituteStarted(NodeEvent):
     """The process of a substitute was started."""
 
@@ -223,7 +215,6 @@ class SubstituteRequested(Event):
     last_message: bytes = b""
 
 
-@dataclass(frozen=True)
 class NodeRestarted(NodeEvent):
     """A node was started again."""
 
@@ -235,7 +226,6 @@ class RestartFailed(NodeEvent):
     detail: str
 
 
-@dataclass(frozen=True)
 class StarterEnded(NodeEvent):
     """Those who started `node` first have ended, or end with us: roslaunch, or a terminal."""
 
@@ -280,12 +270,10 @@ class HostLost(Event):
     detail: str
 
 
-@dataclass(frozen=True)
 class Idle(Event):
     """There is nothing else to do: one plan can be made ahead."""
 
 
-@dataclass(frozen=True)
 class Tick(Event):
     """Time passes."""
 
@@ -340,7 +328,6 @@ class FindNode(NodeCommand):
     spares: bool = True
 
 
-@dataclass(frozen=True)
 class AskToLeave(NodeCommand):
     """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
 
@@ -355,7 +342,6 @@ class EndProcess(NodeCommand):
     gently: bool = False
 
 
-@dataclass(frozen=True)
 class ClearNode(NodeCommand):
     """Clear what a node that is gone has left registered; NodeUnregistered if that is nothing."""
 
@@ -375,17 +361,14 @@ class StartSubstitute(NodeCommand):
     shared: bool = False
 
 
-@dataclass(frozen=True)
 class StopSubstitute(NodeCommand):
     """End a substitute's process."""
 
 
-@dataclass(frozen=True)
 class RestartNode(NodeCommand):
     """Start a node again as it was started; answered by NodeRestarted or RestartFailed."""
 
 
-@dataclass(frozen=True)
 class StopNode(NodeCommand):
     """End a node that was started again."""
 

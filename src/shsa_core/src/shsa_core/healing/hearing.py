@@ -192,7 +192,7 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
             text = f"Whether anybody publishes {service.topic} cannot be told by its silence"
             commands.append(Log(Level.WARN, f"{text}: it is not healed while {host} is lost."))
     commands += core.settle()
-    commands += core.deliver(core.nodes.computer_lost(host, why))
+    commands += core.nodes.computer_lost(host, why)
     _place_warm(core)
     commands += core.ask_all(processes.working_on(host), lambda each: each.rehost())
     commands += _decide_anew(core, host)

@@ -61,7 +61,6 @@ class Reconfigurator:
         restarts: bool = True,
         host: str = "",
     ) -> None:
-        self.settings = settings
         self._over = False
         self._held: Dict[object, Event] = {}  # in maintenance
         self._held_until = -inf
@@ -91,7 +90,7 @@ class Reconfigurator:
                 events.GraphSeen: self._graph_seen,
                 events.NodeLearned: self._node_learned,
                 events.NodeCameUp: lambda e: core.ask_accusers(e.node, lambda each: each.came_up()),
-                **dict.fromkeys(KILL_EVENTS, lambda each: core.deliver(nodes.heed(each))),
+                **dict.fromkeys(KILL_EVENTS, nodes.heed),
                 events.NodeUnregistered: self._node_unregistered,
                 events.SubstituteStarted: lambda event: core.ask_all(
                     processes.served(event.node), lambda each: each.started(event.time)
@@ -379,7 +378,7 @@ class Reconfigurator:
         return self._core.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:
-        commands = self._core.deliver(self._nodes.tick())
+        commands = self._nodes.tick()
         if self.robot.computers.settling.pop_due(event.time):
             # What stands by goes where it belongs.
             commands += hearing.rehost(self._core)

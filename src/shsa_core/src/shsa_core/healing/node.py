@@ -9,7 +9,7 @@ and keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
-from typing import Dict, List, Optional, Sequence
+from typing import Callable, Dict, List, Optional, Sequence
 
 from shsa_core.agenda import Agenda, doubled
 from shsa_core.errors import ShsaError
@@ -82,9 +82,10 @@ class Case:
 
 
 class Nodes:
-    """The cases of all nodes."""
+    """The cases of all nodes; `told` tells their accusers that a kill is over."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, told: Callable[[KillOver], List[Command]]) -> None:
+        self._told = told
         self.kills = Kills(robot)
         self.identities = Identities(robot)
         self._robot = robot
@@ -185,30 +186,29 @@ class Nodes:
 
     # A kill goes on, and is over.
 
-    def heed(self, event: KillEvent) -> List[Said]:
+    def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill."""
         return self._outcomes(self.kills.handle(event))
 
-    def tick(self) -> List[Said]:
+    def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
         time = self._robot.time
-        said = self._outcomes(self.kills.tick(time))
+        commands = self._outcomes(self.kills.tick(time))
         for node in self.kills.due():
-            said += self._kill_again(node)
+            commands += self._kill_again(node)
         for node in self._returns.pop_due(time):
-            said += self._return_due(node, self._cases[node])
-        said += self.identities.due(time)
-        return said
+            commands += self._return_due(node, self._cases[node])
+        return commands + self.identities.due(time)
 
-    def computer_lost(self, host: str, why: str) -> List[Said]:
+    def computer_lost(self, host: str, why: str) -> List[Command]:
         """End the kills on a computer that is lost: they go on when it is back."""
         there = [node for node in sorted(self._health.dying) if self._robot.host_of(node) == host]
         time = self._robot.time
         return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
-    def _kill_again(self, node: str) -> List[Said]:
+    def _kill_again(self, node: str) -> List[Command]:
         """Kill a node that is still accused, and has not returned."""
-        said: List[Said] = []
+        commands: List[Command] = []
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
             if service is None or accusation.back or accusation.kept:
@@ -218,8 +218,8 @@ class Nodes:
                 self.kills.wait(node, service.period or 0.0)
             else:
                 order = self._order(service, accusation)
-                said += self.kills.order(replace(order, urgent=True, only_here=False))
-        return said
+                commands += self.kills.order(replace(order, urgent=True, only_here=False))
+        return commands
 
     def _speaks(self, service: Service, accused: Accusation) -> bool:
         """Tell that a node was heard so lately that it may not be silent any more, or trickles."""
@@ -229,13 +229,13 @@ class Nodes:
         patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
         return row.last_good > max(row.since, self._robot.time - patience)
 
-    def _outcomes(self, said: Sequence[Said]) -> List[Said]:
-        found: List[Said] = []
+    def _outcomes(self, said: Sequence[Said]) -> List[Command]:
+        commands: List[Command] = []
         for each in said:
-            found += self._over(each) if isinstance(each, KillOver) else [each]
-        return found
+            commands += self._over(each) if isinstance(each, KillOver) else [each]
+        return commands
 
-    def _over(self, kill: KillOver) -> List[Said]:
+    def _over(self, kill: KillOver) -> List[Command]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
         accusations = self._accusations(node)
@@ -244,13 +244,13 @@ class Nodes:
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
             for each in accusations:
                 each.kind = Kind.SILENT
-            return [kill]
+            return self._told(kill)
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
-            return [kill] if news else []
+            return self._told(kill) if news else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
@@ -258,11 +258,13 @@ class Nodes:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = fate
         if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
-            return [kill, *self._gone(kill)]
+            commands = self._gone(kill)
+            return [*self._told(kill), *commands]
         if kill.outcome is Outcome.UNREACHED:
-            return [kill]
+            return self._told(kill)
         self._leave_alone(node)
-        return [Log(Level.ERROR, f"{node} is not touched: {kill.detail}."), kill]
+        said = Log(Level.ERROR, f"{node} is not touched: {kill.detail}.")
+        return [said, *self._told(kill)]
 
     def _gone(self, kill: KillOver) -> List[Command]:
         """A node is gone, or could not be reached to make sure."""
@@ -386,7 +388,7 @@ class Nodes:
         restarts = trust.restarts + 1
         self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
-    def _return_due(self, node: str, case: Case) -> List[Said]:
+    def _return_due(self, node: str, case: Case) -> List[Command]:
         """Start a node, or end one that did not come up in time."""
         specs = map(self._robot.spec, tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
