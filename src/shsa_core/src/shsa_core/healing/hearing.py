@@ -211,5 +211,5 @@ def rehost(core: Core) -> List[Command]:
 def _place_warm(core: Core) -> None:
     """Want idle processes where the plans of the warm services are placed now."""
     robot = core.robot
-    for name in core.processes.pool.hosts:
+    for name in list(core.processes.pool.hosts):
         core.processes.stand_by(robot.som.services[name], robot.planner.plans.plan(name))

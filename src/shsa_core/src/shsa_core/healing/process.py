@@ -200,12 +200,12 @@ class Processes:
         else:
             known = self.pool.hosts.get(service.name, "")
             host = known if self._robot.computers.reachable(known) else ""
-        self.pool.hosts[service.name] = host
+        self.pool.serve(service.name, host)
         self.wanted.set(service.name, self._robot.planner.row(service, plan, node="", host=host))
 
     def no_stand_by(self, service: str) -> None:
         """Prepare for a service no more."""
-        self.pool.hosts.pop(service, None)
+        self.pool.serve(service, None)
         self.wanted.set(service, None)
 
     def refill(self, time: float) -> List[Command]:
@@ -308,7 +308,7 @@ class Substitute:
         return planner.plan(service, self._robot.health.doomed | {faulty}, self.tried)
 
     def place(self, service: Service, plan: Plan) -> Place:
-        """Return where the process at hand runs, or another would. Raises NoRoom."""
+        """Return where the process at hand runs, or another would. Raises ShsaError."""
         return Place(self.host) if self.node else self._processes.place(service, plan)
 
     def another(self, service: Service, faulty: str) -> Optional[Plan]:

@@ -127,10 +127,6 @@ class Computers:
         return True
 
 
-class NoRoom(ShsaError):
-    """No computer can run a substitute now."""
-
-
 @dataclass(frozen=True)
 class Place:
     """A computer, empty: the reconfigurator's own; `passed_over`: who had no room, with the sum."""
@@ -185,7 +181,7 @@ class Placement:
 
         Rather one where an idle process can be set to work: `idle` are those, and `ready` is the
         one on which they have prepared for this service. They need not have room now: any other
-        process has to start first. Raises NoRoom if there is no computer.
+        process has to start first. Raises ShsaError if there is no computer.
         """
         if not self._som().hosts:
             return HERE
@@ -204,7 +200,7 @@ class Placement:
             if not why_not(host, True):
                 return Place(host, tuple(passed_over))
         reasons = "; ".join(passed_over) or self._none_there(time, service)
-        raise NoRoom(f"no computer can run the substitute: {reasons}")
+        raise ShsaError(f"no computer can run the substitute: {reasons}")
 
     def stands_by(self, time: float, service: Service, inputs: List[Service]) -> str:
         """Return the computer where a process is to stand by for a plan; empty: our own.

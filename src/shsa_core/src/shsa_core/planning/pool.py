@@ -1,7 +1,7 @@
 """The idle processes that the warm services share, and the pace of starts."""
 from dataclasses import dataclass
 from math import inf
-from typing import Callable, Container, Dict, List, Optional, Set
+from typing import Callable, Container, Counter, Dict, List, Optional, Set
 
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.planning.placement import Computers
@@ -35,6 +35,7 @@ class Pool:
         self.heard: Set[str] = set()
         self.hosts: Dict[str, str] = {}
         self._size, self._pause = size, pause
+        self._wanted: Counter[str] = Counter()  # warm services by computer
         self._refill_at: Dict[str, float] = {}  # by computer
         self._deaths: Dict[str, int] = {}  # one after the other, soon after their starts
 
@@ -50,13 +51,12 @@ class Pool:
     def _lacking(self) -> Dict[str, float]:
         """Return when the computers that warm services are placed on, and lack one, get one."""
         running = [each.host for each in self.processes.values()]
-        wanted = sorted(set(self.hosts.values()))
-        lacking = (host for host in wanted if running.count(host) < self._size)
+        lacking = (host for host in sorted(self._wanted) if running.count(host) < self._size)
         return {host: self._refill_at.get(host, -inf) for host in lacking}
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
-        wanted = set(self.hosts.values())
+        wanted = self._wanted
         left = lambda host: (wanted and host not in wanted) or computers.lost(host)
         return [each.node for each in self.processes.values() if left(each.host)]
 
@@ -69,6 +69,16 @@ class Pool:
         heard = [each for each in here if each.node in self.heard]
         speaks = [each for each in here if each.node in speak]
         return next(iter(speaks or heard or here), None)
+
+    def serve(self, service: str, host: Optional[str]) -> None:
+        """Be ready on a computer for a warm service; None: it is not warm any more."""
+        former = self.hosts.pop(service, None)
+        if former is not None:
+            self._wanted[former] -= 1
+        if host is not None:
+            self.hosts[service] = host
+            self._wanted[host] += 1
+        self._wanted = +self._wanted  # without those that have none left
 
     def add(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
