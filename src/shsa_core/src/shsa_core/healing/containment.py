@@ -175,7 +175,6 @@ class Stakes:
         return [(service, row) for service, row in found if service is not None]
 
     def _remains(self, service: Service, doomed: Set[str]) -> bool:
-        """Tell that a service has good data without some nodes."""
         well = self._health.well(service.topic)
         remain = (each not in doomed and each not in self._health.substitutes for each in well)
         return any(remain) or self._planner.replaceable(service, doomed)

@@ -1,7 +1,6 @@
 """Has services decide, and keeps up what follows from their answers.
 
-The machines of services, nodes and processes are joined here. What an event does not concern stays
-as it is, so that a decision costs the same on a large robot.
+What an event does not concern stays as it is: a decision costs the same on a large robot.
 """
 from typing import Callable, Dict, Iterable, List, Optional
 

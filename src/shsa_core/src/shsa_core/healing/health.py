@@ -128,7 +128,6 @@ class Health:
         return True
 
     def _is_news(self, row: PublisherHealth) -> bool:
-        """Tell that a publisher has failed that did not before, or not in this way."""
         before = self.row(row.key)
         if before is None or not before.has_failed:
             return row.has_failed

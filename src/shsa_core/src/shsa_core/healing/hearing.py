@@ -1,11 +1,9 @@
 """Hears the monitors, and which computers are there.
 
 A row of health that turns failed is the failure; one that somebody tells of besides is the same
-fact. A computer is lost when its agent is not heard. Only then it can be told from a node's own
-failure, and a node's silence is found sooner: what was decided in between is looked at again. Its
-monitor is lost with it, and nobody tells then of what only that watched: it is asked for its whole
-table, and if that does not come, those that it watched count as silent. When the computer is back,
-it is asked again, and its nodes are judged as any that return.
+fact. A node's silence is found sooner than the loss of its computer: what was decided in between is
+looked at again. The monitor there is then asked for its whole table; if that does not come, those
+that it watched count as silent.
 """
 from typing import Dict, Iterable, List, Optional, Tuple
 
@@ -119,14 +117,14 @@ def look_again(core: Core) -> List[Command]:
 
 def acquaint(core: Core, node: str, row: Optional[PublisherHealth]) -> List[Command]:
     """Learn which process a node is that is well; forget that of one that is gone."""
-    nodes, som = core.nodes, core.robot.som
+    robot = core.robot
     if row is None or (row.has_failed and row.kind is Kind.NODE_GONE):
-        nodes.identities.went(node)
+        robot.identities.went(node)
         core.unsettle_node(node)
     elif row.is_well:
         # Only the nodes that the SOM names are learned: anybody registers other names.
-        if any(each.node == node for each in som.of_topic(row.topic)):
-            return nodes.identities.came_up(node, row.topic)
+        if any(each.node == node for each in robot.som.of_topic(row.topic)):
+            return robot.identities.came_up(node, row.topic)
     return []
 
 
@@ -209,7 +207,6 @@ def rehost(core: Core) -> List[Command]:
 
 
 def _place_warm(core: Core) -> None:
-    """Want idle processes where the plans of the warm services are placed now."""
     robot = core.robot
     for name in list(core.processes.pool.hosts):
         core.processes.stand_by(robot.som.services[name], robot.planner.plans.plan(name))

@@ -2,8 +2,7 @@
 
 Three machines decide: `service` (what publishes a service), `node` (what becomes of a faulty node)
 and `process` (which processes of substitutes run where). Here an event goes to those that it
-concerns, and what follows from their answers is kept up. What is known of the rest stays as it is,
-so that a decision costs the same on a large robot.
+concerns.
 """
 from dataclasses import replace
 from functools import partial
@@ -231,7 +230,6 @@ class Reconfigurator:
             self._processes.no_stand_by(service.name)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
-        """Follow another SOM, and plan by another ontology; what runs goes on."""
         robot = self.robot
         if event.ontology is not None:
             robot.planner.load(event.ontology, robot.som)
@@ -266,7 +264,6 @@ class Reconfigurator:
     # The rest of the events.
 
     def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
-        """End every substitute."""
         self._over = True
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
@@ -307,7 +304,7 @@ class Reconfigurator:
         return []
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
-        self._nodes.identities.learned(event)
+        self.robot.identities.learned(event)
         self._core.unsettle_node(event.node)
         return []
 
@@ -321,7 +318,6 @@ class Reconfigurator:
         return []
 
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
-        """End a node that was started again with whoever started it first."""
         ours = event.node in self.robot.restarted
         self.robot.restarted.discard(event.node)
         return [events.StopNode(event.node)] if ours else []

@@ -1,11 +1,9 @@
 """One case a node, whoever accuses it: what becomes of it, and its way back.
 
-Every accusation comes from one service. This is the one place that decides whether a node is killed
-or kept; how it is killed is in `kill`. A kill that must wait for a computer is begun once that is
-heard. A node that is gone is started again by its policy, after pauses that double, and no more
-when it failed too often. Whoever starts it, its hold-off doubles each time that it relapses; then
-it is kept out. A silence that nobody ended, and what may be its link's, make the hold-off longer,
-and keep nobody out.
+This is the one place that decides whether a node is killed or kept; how it is killed is in `kill`.
+A node that is gone is started again by its policy, after pauses that double, and no more when it
+failed too often. Whoever starts it, its hold-off doubles each time that it relapses; then it is
+kept out. A silence that nobody ended, and what may be its link's, keep nobody out.
 """
 import math
 from dataclasses import dataclass, field, replace
@@ -17,7 +15,6 @@ from shsa_core.healing import events
 from shsa_core.healing.containment import Stakes
 from shsa_core.healing.events import Command, Log
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.identities import Identities
 from shsa_core.healing.kill import KillEvent, KillNode, KillOver, Kills, Outcome, Said
 from shsa_core.healing.records import Fate, NodeRecord, Trust
 from shsa_core.healing.robot import Robot
@@ -87,7 +84,7 @@ class Nodes:
     def __init__(self, robot: Robot, told: Callable[[KillOver], List[Command]]) -> None:
         self._told = told
         self.kills = Kills(robot)
-        self.identities = Identities(robot)
+        self.identities = robot.identities
         self._robot = robot
         self.stakes = Stakes(robot)
         self._settings = robot.settings
@@ -207,7 +204,6 @@ class Nodes:
         return self._outcomes([s for n in there for s in self.kills.unreached(time, n, why)])
 
     def _kill_again(self, node: str) -> List[Command]:
-        """Kill a node that is still accused, and has not returned."""
         commands: List[Command] = []
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
@@ -389,7 +385,6 @@ class Nodes:
         self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
     def _return_due(self, node: str, case: Case) -> List[Command]:
-        """Start a node, or end one that did not come up in time."""
         specs = map(self._robot.spec, tuple(case.accusations))
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None

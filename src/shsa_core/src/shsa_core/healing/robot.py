@@ -3,8 +3,9 @@ from dataclasses import replace
 from math import inf
 from typing import Dict, FrozenSet, Iterable, Iterator, List, Optional, Set, Tuple
 
+from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.events import WriteDown
+from shsa_core.healing.events import Command, LearnNode, NodeLearned, WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.incident import STUCK, Incident, State
 from shsa_core.healing.records import Record
@@ -66,6 +67,51 @@ class Indexes:
             self.partly[name] = None
 
 
+class Identities:
+    """Learns which process a node is while it is healthy, once each time that it comes up.
+
+    `Health.verified`, `startable` and `protected` tell of it.
+    """
+
+    def __init__(self, health: Health, settings: Settings) -> None:
+        self.agenda: Agenda[str] = Agenda()  # nodes that are to be looked at again
+        self._health, self._settings = health, settings
+        self._tries: Dict[str, Tuple[int, str]] = {}  # and the topic by which they are learned
+
+    def came_up(self, node: str, topic: str) -> List[Command]:
+        """Learn a node that is healthy on a topic, unless it is known."""
+        if node in self._tries:
+            return []
+        self._tries[node] = 0, topic
+        return [LearnNode(node, topic)]
+
+    def learned(self, event: NodeLearned) -> None:
+        """Note what was learned; the next try follows after a pause if it failed."""
+        node, protected = event.node, self._health.protected
+        if not event.known and node in self._tries:
+            tries, topic = self._tries[node]
+            self._tries[node] = tries + 1, topic
+            self.agenda.set(node, event.time + self._settings.paused(tries))
+        if event.known:
+            self._health.verified.add(node)
+            startable = self._health.startable
+            (startable.add if event.starts else startable.discard)(node)
+            protected.pop(node, None)
+        if event.protected:
+            protected[node] = event.protected
+
+    def went(self, node: str) -> None:
+        """Forget which process a node is: what comes up under its name is another one."""
+        if self._tries.pop(node, None) is not None:
+            self.agenda.set(node, None)
+        else:  # nobody will learn it anew
+            self._health.protected.pop(node, None)
+
+    def due(self, time: float) -> List[Command]:
+        """Return the looks that are due."""
+        return [LearnNode(node, self._tries[node][1]) for node in self.agenda.pop_due(time)]
+
+
 class Robot:
     """Everything that is known; nothing here decides.
 
@@ -89,6 +135,7 @@ class Robot:
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)
+        self.identities = Identities(self.health, settings)
         self.availability = Availability(self.health)
         self.computers = Computers(host, settings.held_off, settings.stable)
         self.indexes = Indexes()

@@ -185,7 +185,6 @@ class ServiceMachine:
             self.last_message, self._message_came = event.last_message, good
 
     def _own_failed(self, event: FailureSeen) -> List[Command]:
-        """Heal after our substitute failed, or fell silent where it may."""
         if event.kind is Kind.NO_VALUE:
             follows = self.substitute.computes and self.state in (State.WELL, *SUBSTITUTED)
             return self.fire(Trigger.NO_VALUE) if follows else []

@@ -174,7 +174,6 @@ _STUCK_OR_HEALING = (State.HEALING, State.UNHEALED, State.SAFE, State.KEPT)
 
 
 def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
-    """Yield a state, a trigger, what is done, and the states that it may lead to."""
     well, healing, healed = State.WELL, State.HEALING, State.HEALED
     returning, unhealed, safe, kept = State.RETURNING, State.UNHEALED, State.SAFE, State.KEPT
 

@@ -152,11 +152,9 @@ class Placement:
 
     Never one that the service forbids, or that is not heard. Rather one that it prefers, in order;
     else the one beside its inputs: whose services give the most bytes/s of them, and of equal ones
-    the one with the smallest share of its cores busy; else the reconfigurator's own. Nearness comes
-    before load, as each input that crosses a link is late by it and lost with it, while load is no
-    harm as long as there is room: whoever has none is passed over, with the sum in words. Where
-    nobody has room, only the limits that the SOM says are kept: a substitute on a computer that is
-    busy now is better than none.
+    the one with the smallest share of its cores busy; else the reconfigurator's own. Each input
+    that crosses a link is late by it and lost with it; load is no harm as long as there is room.
+    Where nobody has room, only the limits that the SOM says are kept.
 
     `lately`: what was placed on a computer since a moment, which its load does not show yet.
     """
@@ -243,7 +241,6 @@ class Placement:
         return [services.get(name, each) for name, each in named.items()]
 
     def _said(self, host: str) -> Host:
-        """Return the limits of a computer that the SOM says."""
         return self._som().hosts.get(self._computers.in_som(host), Host(host))
 
     def _cores(self, host: str) -> Optional[float]:
@@ -277,7 +274,6 @@ class Placement:
         return ""
 
     def _none_there(self, time: float, service: Service) -> str:
-        """Return why no computer may be used at all."""
         reasons = []
         for name in self._som().hosts:
             host = self._computers.name(name)

@@ -152,6 +152,5 @@ class Starts:
         return names
 
     def _room(self, time: float) -> int:
-        """Return how many may be started now."""
         coming_up = sum(time < end for end in self._coming.values())
         return 0 if time < self.held_until else max(0, AT_ONCE - coming_up)
