@@ -115,7 +115,9 @@ class Core:
             return "failed"
         if service is None or not service.host or not service.event_driven:
             return ""
-        lost = self.robot.lost(service.host)  # no silence tells of one that is due at no time
+        lost = self.robot.computers.lost(
+            service.host
+        )  # no silence tells of one that is due at no time
         return f"{service.host} is lost: {lost}" if lost else ""
 
     def unsettle(self, names: Iterable[str]) -> None:

@@ -80,8 +80,7 @@ class Reconfigurator:
             {
                 events.Started: self._started,
                 events.Prepared: lambda event: processes.hold_starts(-inf),
-                events.ShuttingDown: self._shutting_down,
-                events.LaunchEnding: self._launch_ending,
+                **dict.fromkeys((events.ShuttingDown, events.LaunchEnding), self._ends),
                 events.MaintenanceSet: self._maintenance_set,
                 events.FailureSeen: partial(hearing.failed, core),
                 events.HealthSeen: partial(hearing.health_seen, core),
@@ -263,17 +262,14 @@ class Reconfigurator:
 
     # The rest of the events.
 
-    def _shutting_down(self, event: events.ShuttingDown) -> List[Command]:
+    def _ends(self, event: Event) -> List[Command]:
         self._over = True
+        self._processes.starts.waiting.clear()
+        if isinstance(event, events.LaunchEnding):
+            return []
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
-        self._processes.starts.waiting.clear()
         return [events.StopSubstitute(node) for node in self._processes.nodes]
-
-    def _launch_ending(self, event: events.LaunchEnding) -> List[Command]:
-        self._over = True
-        self._processes.starts.waiting.clear()
-        return []
 
     def _maintenance_set(self, event: events.MaintenanceSet) -> List[Command]:
         """Kill and start nothing, or do so again once the monitors had a moment to tell."""

@@ -84,7 +84,6 @@ class Nodes:
     def __init__(self, robot: Robot, told: Callable[[KillOver], List[Command]]) -> None:
         self._told = told
         self.kills = Kills(robot)
-        self.identities = robot.identities
         self._robot = robot
         self.stakes = Stakes(robot)
         self._settings = robot.settings
@@ -95,7 +94,12 @@ class Nodes:
     @property
     def deadline(self) -> float:
         """Return when `tick` has something to do, in s; infinite: nothing is due."""
-        agendas = (self.kills.agenda, self.kills.again, self._returns, self.identities.agenda)
+        agendas = (
+            self.kills.agenda,
+            self.kills.again,
+            self._returns,
+            self._robot.identities.agenda,
+        )
         return min(agenda.next() for agenda in agendas)
 
     def accusers(self, node: str) -> List[str]:
@@ -195,7 +199,7 @@ class Nodes:
             commands += self._kill_again(node)
         for node in self._returns.pop_due(time):
             commands += self._return_due(node, self._cases[node])
-        return commands + self.identities.due(time)
+        return commands + self._robot.identities.due(time)
 
     def computer_lost(self, host: str, why: str) -> List[Command]:
         """End the kills on a computer that is lost: they go on when it is back."""
@@ -267,11 +271,11 @@ class Nodes:
         node, case = kill.node, self._cases.get(kill.node)
         commands: List[Command] = []
         self._health.gone(node, kill.time)
-        self.identities.went(node)
+        self._robot.identities.went(node)
         if node not in self._health.excluded:  # it is back already, as another process
             for topic in sorted(self._health.topics.get(node, ())):
                 if self._health.healthy((topic, node)):
-                    commands += self.identities.came_up(node, topic)
+                    commands += self._robot.identities.came_up(node, topic)
         self._robot.restarted.discard(node)
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)

@@ -21,21 +21,19 @@ from shsa_core.model.substitution import Substitution, shared_key
 from shsa_core.planning.placement import Place, Placement
 from shsa_core.planning.pool import IdleProcess, Pool, Starts
 from shsa_core.planning.settings import START_S
-from shsa_core.table import Table
 
 
 class Processes:
     """The processes that run: where, and for which services.
 
-    `wanted`: the table of substitutions. `plans`: what the substitute of each service follows,
-    and since when. The first `hot_hosts` hot substitutes on our own computer have a process
-    each; those after them share processes of so many at most. None share one whose services the
-    same node publishes: so no single fault has two of a process publish, and the end of a
-    process takes no more away than where each has its own.
+    The first `hot_hosts` hot substitutes on our own computer have a process each; those after
+    them share processes of so many at most. None share one whose services the same node
+    publishes: so no single fault has two of a process publish, and the end of a process takes no
+    more away than where each has its own.
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.wanted: Table[Substitution, events.ShowSubstitutions] = Table(events.ShowSubstitutions)
+        self.wanted = robot.wanted
         self.pool = Pool(robot.settings.pool, robot.settings.paused)
         self.starts = Starts()
         self.substitutes: Dict[str, "Substitute"] = {}
@@ -67,8 +65,8 @@ class Processes:
 
     def working_on(self, host: str) -> List[str]:
         """Return the services whose substitute runs on a computer."""
-        nodes = (n for n in self._services if self._robot.elsewhere.get(n, "") == host)
-        return [name for node in nodes for name in self._services[node]]
+        substitutes = self.substitutes.items()
+        return [name for name, each in substitutes if each.node and each.host == host]
 
     def hold_starts(self, until: float) -> List[Command]:
         """Start nothing that stands by before a moment, in s."""
@@ -127,7 +125,7 @@ class Processes:
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
             commands = [self._start(start)]
         substitute.node = node
-        self.take_up(service, node, host, shared)
+        self.take_up(service, node, shared)
         return commands
 
     def _start(self, command: events.StartSubstitute) -> events.StartSubstitute:
@@ -135,12 +133,10 @@ class Processes:
         self.starts.began(self._robot.time, command.node)
         return command
 
-    def take_up(self, service: Service, node: str, host: str, shared: bool) -> None:
+    def take_up(self, service: Service, node: str, shared: bool) -> None:
         """Note that a process works for a service."""
         services = self._services.setdefault(node, {})
         services[service.name] = service.node
-        if host:
-            self._robot.elsewhere[node] = host
         if shared:
             self._shared[node] = None
         elif standby(service) is Standby.HOT:
@@ -187,7 +183,6 @@ class Processes:
     def _forget(self, node: str) -> None:
         self._services.pop(node, None)
         self._shared.pop(node, None)
-        self._robot.elsewhere.pop(node, None)
         self.wanted.set(node, None)
         self._robot.records.set(f"idle {node}", None)
 
@@ -225,8 +220,6 @@ class Processes:
 
     def add_idle(self, idle: IdleProcess) -> None:
         """Note that an idle process runs."""
-        if idle.host:
-            self._robot.elsewhere[idle.node] = idle.host
         self.pool.add(idle)
         rows = (self.wanted.rows.get(node) for node in self.pool.processes)
         taken = [row.bridge for row in rows if row is not None]

@@ -5,7 +5,8 @@ from typing import Dict, FrozenSet, Iterable, Iterator, List, Optional, Set, Tup
 
 from shsa_core.agenda import Agenda
 from shsa_core.codegen.plans import Plan
-from shsa_core.healing.events import Command, LearnNode, NodeLearned, WriteDown
+from shsa_core.healing.events import Command, LearnNode, NodeLearned
+from shsa_core.healing.events import ShowSubstitutions, WriteDown
 from shsa_core.healing.health import Availability, Health
 from shsa_core.healing.incident import STUCK, Incident, State
 from shsa_core.healing.records import Record
@@ -15,6 +16,7 @@ from shsa_core.model.names import Names
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
+from shsa_core.model.substitution import Substitution
 from shsa_core.planning.placement import Computers
 from shsa_core.planning.planner import Planner
 from shsa_core.table import Table
@@ -115,8 +117,7 @@ class Identities:
 class Robot:
     """Everything that is known; nothing here decides.
 
-    Nodes are where the SOM says, substitutes where they were started; `elsewhere`: the computers of
-    those that run on another one than we. `incidents`: the last one. `maintained`: by people now;
+    `wanted`: the table of substitutions. `incidents`: the last one. `maintained`: by people now;
     `dry_run`: nothing is killed or started; `restarts`: nodes may be started again, as were those
     `restarted`.
     """
@@ -130,7 +131,7 @@ class Robot:
         self.incidents = 0
         self.maintained = self.dry_run = False
         self.restarts = True
-        self.elsewhere: Dict[str, str] = {}
+        self.wanted: Table[Substitution, ShowSubstitutions] = Table(ShowSubstitutions)
         self.restarted: Set[str] = set()
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
@@ -178,9 +179,9 @@ class Robot:
         """Return why nothing is done for a service that is cut off; empty: it is not so."""
         if service.on_partition is not OnPartition.WAIT or not service.host:
             return ""
-        if self.lost(service.host):
+        if self.computers.lost(service.host):
             return f"{service.host} cannot be reached, and on_partition is wait"
-        doubted = self.computers.doubted(self.computers.name(service.host), self.time)
+        doubted = self.computers.doubted(service.host, self.time)
         return f"{service.host} was not heard since, and on_partition is wait" if doubted else ""
 
     def planned_without(self, service: Service) -> List[str]:
@@ -190,15 +191,12 @@ class Robot:
 
     def host_of(self, node: str) -> str:
         """Return the computer that a node runs on; empty: our own, or not known."""
-        if not self.som.hosts:
-            return ""
+        row = self.wanted.rows.get(node)
+        if row is not None or not self.som.hosts:
+            return row.host if row else ""
         named = next((each.host for each in self.som if each.node == node and each.host), "")
-        return self.elsewhere.get(node) or self.computers.name(named)
+        return self.computers.name(named)
 
     def on(self, host: str) -> Iterator[Service]:
         """Return the services whose nodes run on another computer."""
         return (each for each in self.som if host and self.computers.name(each.host) == host)
-
-    def lost(self, host: str) -> str:
-        """Return why a computer of the SOM is lost; empty: it is not."""
-        return self.computers.lost(self.computers.name(host))

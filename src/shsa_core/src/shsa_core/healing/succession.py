@@ -73,7 +73,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
             health.substitutes.add(row.node)
             service = services.get(each.service)
             if service is not None:
-                processes.take_up(service, row.node, row.host, row.shared)
+                processes.take_up(service, row.node, row.shared)
     commands: List[Command] = []
     for record in event.records:
         if isinstance(record, Healthy):

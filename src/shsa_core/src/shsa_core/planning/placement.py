@@ -65,8 +65,8 @@ class Computers:
         return host or self._own
 
     def of(self, host: str) -> Computer:
-        """Return what is known of a computer."""
-        return self._known.get(host, UNKNOWN)
+        """Return what is known of a computer, by its name here or in the SOM."""
+        return self._known.get(self.name(host), UNKNOWN)
 
     def lost(self, host: str) -> str:
         """Return why a computer counts as lost; empty: it does not."""
