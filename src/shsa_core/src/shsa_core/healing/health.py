@@ -15,6 +15,8 @@ from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
 HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
+Heard = Tuple[List[Key], List[FailureSeen]]
+"""Whom news of a monitor concerns, and the failures that it tells of."""
 MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
 """The failures of a node that may wake, or be cut off: nobody says that it is gone."""
 
@@ -30,6 +32,8 @@ class Health:
     as it knows how they were started. `good`: who has ever published a topic well.
     `templates`: a message of each who was well. `consumers`: the nodes outside healing that
     subscribe to each topic. `due`: when `missed` has something to tell.
+    `stranded`: who did well when its monitor was lost, or was silent before we started: whoever
+    tells next that it does well means now.
     """
 
     def __init__(self, records: Table[Record, WriteDown]) -> None:
@@ -50,7 +54,7 @@ class Health:
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
         self._began: Dict[str, int] = {}  # by computer: when its monitor did
         self._lost: Set[str] = set()  # the computers whose monitors are not heard
-        self._stranded: Set[Key] = set()  # who did well when its monitor was lost
+        self.stranded: Set[Key] = set()
         self._unheard: Dict[Key, Optional[PublisherHealth]] = {}  # until a new monitor hears them
 
     def row(self, key: Key) -> Optional[PublisherHealth]:
@@ -81,11 +85,10 @@ class Health:
             and som.service_of(service.topic, row.publisher) is service
         )
 
-    def heed(self, change: HealthSeen) -> Tuple[List[Key], List[FailureSeen]]:
+    def heed(self, change: HealthSeen) -> Heard:
         """Take over what has changed in a monitor's table; the rows of other monitors stay.
 
-        Returns whom it concerns, and the failures that it tells of. Who was well when a monitor
-        ended is so until the next one has heard it, or should have.
+        Who was well when a monitor ended is so until the next one has heard it, or should have.
         """
         self._lost.discard(change.host)
         before = self._began.get(change.host, change.began)
@@ -105,10 +108,7 @@ class Health:
         concerned, failures = self._take_over(rows, change.host)
         return concerned + gone, failures
 
-    def _take_over(
-        self, rows: List[PublisherHealth], host: str
-    ) -> Tuple[List[Key], List[FailureSeen]]:
-        """Put rows of the monitor of a computer. Returns whom it concerns, and the failures."""
+    def _take_over(self, rows: List[PublisherHealth], host: str) -> Heard:
         concerned, failures = [row.key for row in rows], []
         for row in rows:
             if self._is_news(row):
@@ -166,7 +166,7 @@ class Health:
         self.rows[topic].pop(node, None)
         self._records.set(f"healthy {topic} {node}", None)
         self._told_at.pop(key, None)
-        self._stranded.discard(key)
+        self.stranded.discard(key)
         topics = self.topics.get(node, {})
         topics.pop(topic, None)
         if not topics:
@@ -198,10 +198,6 @@ class Health:
         self._put(row)
         self._unheard[row.key] = None
 
-    def doubt(self, key: Key) -> None:
-        """Note that one was silent before we started: who tells that it does well means now."""
-        self._stranded.add(key)
-
     def has_monitor(self, host: str) -> bool:
         """Tell that a monitor of a computer has told of anybody."""
         return host in self._told_at.values()
@@ -215,18 +211,16 @@ class Health:
         told = {self._told_at[key] for key in keys if key in self._told_at}
         return not told & self._lost if told else not away
 
-    def lose_monitor(
-        self, time: float, host: str, why: str, elsewhere: Collection[str]
-    ) -> Tuple[List[Key], List[FailureSeen]]:
+    def lose_monitor(self, time: float, host: str, why: str, apart: Collection[str]) -> Heard:
         """Put those as silent that the monitor of a computer has told of, which is lost.
 
-        Not so substitutes that run `elsewhere`. Returns as `heed` does.
+        Not so substitutes that run `apart` from it.
         """
         self._lost.add(host)
         told = [key for key, told_at in self._told_at.items() if told_at == host]
-        lost = [key for key in told if self.healthy(key) and key[1] not in elsewhere]
+        lost = [key for key in told if self.healthy(key) and key[1] not in apart]
         silent = {"state": FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
-        self._stranded.update(lost)
+        self.stranded.update(lost)
         return self._take_over([replace(self.rows[t][node], **silent) for t, node in lost], host)
 
     def _told(self, host: str) -> List[Key]:
@@ -251,16 +245,16 @@ class Health:
 
     def _returned(self, time: float, rows: List[PublisherHealth]) -> List[PublisherHealth]:
         """Return the rows in which those are back since now whose monitor was lost."""
-        if not self._stranded:
+        if not self.stranded:
             return rows
         found = []
         for row in rows:
             before = self.row(row.key)
             later = before is not None and row.since > before.since
-            if row.key in self._stranded and row.is_well and not later:
+            if row.key in self.stranded and row.is_well and not later:
                 row = replace(row, since=time)
             found.append(row)
-        self._stranded.difference_update(row.key for row in rows)
+        self.stranded.difference_update(row.key for row in rows)
         return found
 
 

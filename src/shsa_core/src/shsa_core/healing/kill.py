@@ -246,14 +246,13 @@ class Kills:
             if doubt is not None:
                 return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
-            return [*self._force(time, node, kill)]
+            return list(self._force(time, node, kill))
         if where is Where.ELSEWHERE and (order.period or order.only_here):
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
             return self.unreached(time, node, "no agent says how it does on its computer")
         quick = where is Where.HERE and order.quick
-        self.agenda.set(
-            node, time + (self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S)
-        )
+        patience = self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S
+        self.agenda.set(node, time + patience)
         return [events.AskToLeave(node)]
 
     def doubt(

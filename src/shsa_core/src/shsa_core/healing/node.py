@@ -165,9 +165,8 @@ class Nodes:
         else:
             accusation.fate = Fate.KEPT
             if gone and not was_kept and service.policy is not Policy.ADVISE:
-                commands += self.kills.order(
-                    KillNode(node, service.topic, urgent=False, if_dead=True)
-                )
+                clear = KillNode(node, service.topic, urgent=False, if_dead=True)
+                commands += self.kills.order(clear)
         if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands

@@ -115,7 +115,7 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back
-            robot.health.doubt((incident.topic, node))
+            robot.health.stranded.add((incident.topic, node))
     if row is not None:
         robot.calibrations.recall(record.service, program_of(row), row.outputs)
     runs = row is not None and row.node in event.running

@@ -256,14 +256,9 @@ class Placement:
         takes = cost(inputs, service, {host, self._computers.in_som(host)})
         lately = list(self._lately(host, computer.heard))
         cores, link = sum(each.cores for each in lately), sum(each.link for each in lately)
+        most = limits.cores if said else self._cores(host)
         for what, limit, busy, more, needed in (
-            (
-                "cores",
-                limits.cores if said else self._cores(host),
-                computer.busy,
-                cores,
-                takes.cores,
-            ),
+            ("cores", most, computer.busy, cores, takes.cores),
             ("bytes/s", limits.link, computer.link, link, takes.link),
         ):
             total = busy + more + needed
