@@ -5,7 +5,7 @@ That is all of them, or else those that can be computed, if the message says "un
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import prod
-from typing import Collection, Iterable, Optional, Sequence, Tuple, Union
+from typing import Collection, Iterable, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.choice import listing
 from shsa_core.codegen.generator import generate, generate_values, inputs_of
@@ -68,10 +68,10 @@ class Plan:
     @property
     def lacks(self) -> str:
         """Return what it leaves unknown, and why, in words; empty: it gives all values."""
+        if not self.left_out:
+            return ""
         missing = listed(self.missing) or "any relation that yields it"
-        return (
-            f"{listed(self.left_out)} is left unknown, missing {missing}" if self.left_out else ""
-        )
+        return f"{listed(self.left_out)} is left unknown, missing {missing}"
 
 
 def plan_service(
@@ -147,16 +147,19 @@ def plan_sources(
     asked = predictor, outputs[0].service.prefer, limits
     refused: Optional[GenerationError] = None
     too_wrong = ""
-    failed = set()
+    failed: Set[Plan] = set()
     numbers = [network.number(name) for name in properties]
     for usable, whole in nearest(table, numbers, network.executable, steps):
         found = listing(table, properties, usable, *asked, method=method)
         for rated, proven in islice(found, len(tried) + REFUSED_AT_MOST):
-            plan = make_plan(ontology, outputs, rated, proven and whole, predictor)
-            if isinstance(plan, GenerationError):
-                refused = refused or plan
-            elif errs_too_much(plan):
-                too_wrong = too_wrong or errs_too_much(plan)
+            try:
+                plan = make_plan(ontology, outputs, rated, proven and whole, predictor)
+            except GenerationError as error:
+                refused = refused or error
+                continue
+            why = errs_too_much(plan)
+            if why:
+                too_wrong = too_wrong or why
             elif plan not in tried:
                 return plan
             else:
@@ -167,7 +170,13 @@ def plan_sources(
         raise NoSubstitute(properties, (), tried=len(failed))
     if too_wrong:
         raise NoSubstitute(properties, (), refused=too_wrong)
-    raise _nothing(ontology, table, properties, outputs)
+    best = BestDerivations(table)
+    lost = [name for name in properties if not best.settle(network.number(name))]
+    if lost:
+        missing = {each for name in lost for each in best.missing(network.number(name))}
+        raise NoSubstitute(properties, sorted(missing), lost=lost)
+    program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
+    raise AssertionError("what can be generated was found before")
 
 
 def errs_too_much(plan: Plan) -> str:
@@ -186,13 +195,10 @@ def make_plan(
     rated: Rated,
     proven_best: bool,
     predictor: Optional[Predictor],
-) -> Union[Plan, GenerationError]:
-    """Return the plan by a joint derivation of `outputs`, or why no code can be generated."""
+) -> Plan:
+    """Return the plan by a joint derivation of `outputs`. Raises GenerationError."""
     derivations = rated.derivation.inputs
-    try:
-        program = program_of(ontology, derivations, outputs)
-    except GenerationError as error:
-        return error
+    program = program_of(ontology, derivations, outputs)
     errors = predictor.of(derivations) if predictor else [None] * len(derivations)
     known = [error.quality for error in errors if error is not None and error.quality is not None]
     quality = prod(known) if len(known) == len(errors) else rated.quality
@@ -231,21 +237,3 @@ def program_of(
     """Return the program that derives each output. Raises GenerationError."""
     parts = [(derivation, source.output) for derivation, source in zip(derivations, outputs)]
     return generate(parts, ontology.constants)
-
-
-def _nothing(
-    ontology: Ontology, table: SourceTable, properties: Sequence[str], outputs: Sequence[Source]
-) -> ShsaError:
-    """Return why there is no plan: what is missing, or the relation that cannot be executed."""
-    best = BestDerivations(table)
-    numbers = [ontology.network.number(name) for name in properties]
-    lost = [number for number in numbers if not best.settle(number)]
-    if lost:
-        missing = {name for number in lost for name in best.missing(number)}
-        names = [name for name, number in zip(properties, numbers) if number in lost]
-        return NoSubstitute(properties, sorted(missing), lost=names)
-    try:
-        program_of(ontology, [best.ratings.derivation(number) for number in numbers], outputs)
-    except GenerationError as error:
-        return error
-    raise AssertionError("what can be generated was found before")

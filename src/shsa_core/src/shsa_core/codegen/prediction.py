@@ -4,6 +4,7 @@ By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
 before it is squared, biases as well. docs/explanation/errors.md has the assumptions.
 """
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
@@ -76,11 +77,10 @@ class Predictor:
         self._best: Dict[str, float] = {}  # the highest quality of a property's services
         self._ranges: Dict[str, Tuple[float, float]] = {}
         self._baselines: Dict[str, float] = {}
-        self._steps: Dict[int, Optional[Step]] = {}  # by function
-        self._functions: Dict[int, Optional[TransferFunction]] = {}  # they live on, with their ids
+        self._steps: Dict[TransferFunction, Optional[Step]] = {}
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
         self._parts: Dict[int, Optional[_Part]] = {}  # by such a number
-        self._values: Dict[int, Optional[Values]] = {}
+        self._values: Dict[int, Values] = {}
         self._measured: Mapping[str, Error] = {}
         self.fusions: Sequence[Fusion] = ()
         known = [(each.property, each.provision.error) for each in sources]
@@ -134,8 +134,7 @@ class Predictor:
         """Return the numbers of a derivation and its parts, inputs first."""
         numbers: Dict[Derivation, int] = {}
         for node in in_order([derivation]):
-            way: Tuple[object, ...] = id(node.function), *(numbers[each] for each in node.inputs)
-            self._functions[id(node.function)] = node.function
+            way: Tuple[object, ...] = node.function, *(numbers[each] for each in node.inputs)
             if node.source is not None:
                 way = node.source.service.name, node.property
             numbers[node] = self._numbers.setdefault(way, len(self._numbers))
@@ -208,61 +207,52 @@ class Predictor:
     ) -> Optional[List[Values]]:
         """Return how a result changes with each input, by differences as wide as its error."""
         step = self._step(node.function)
-        columns = self._columns(node, numbers)
-        if step is None or columns is None:
+        if step is None:
             return None
-        rows = list(zip(*columns))
+        rows = self._rows(node, numbers)
         slopes: List[Values] = []
         for number, part in enumerate(added):
             if part.is_none:
                 slopes.append(_ZERO)
                 continue
-            sizes = [abs(value) for value in columns[number] if not isnan(value)]
+            sizes = [abs(x[number]) for x in rows if not isnan(x[number])]
             least = SMALLEST_STEP * (max(sizes, default=0.0) or 1.0)
             widths = (max(least, sqrt(square)) for square in part.squares())
             slopes.append([_slope(step, x, number, width) for x, width in zip(rows, widths)])
         return slopes
 
-    def _columns(
-        self, node: Derivation, numbers: Mapping[Derivation, int]
-    ) -> Optional[List[Values]]:
-        """Return the true values of a function's inputs at each point; None: not known."""
+    def _rows(self, node: Derivation, numbers: Mapping[Derivation, int]) -> List[Values]:
+        """Return the true values of a function's inputs at each point."""
+
+        def rows_of(part: Derivation) -> List[Values]:
+            columns = [self._values[numbers[each]] for each in part.inputs]
+            return list(zip(*columns)) if columns else [()] * POINTS
+
         for part in in_order(node.inputs):
             if numbers[part] not in self._values:
-                step, columns = self._step(part.function), self._known(part, numbers)
-                values = self._points(part.property)
-                if step is not None and columns is not None:
-                    rows = zip(*columns) if columns else [()] * POINTS
-                    values = [_value(step, x) for x in rows]
-                self._values[numbers[part]] = values
-        return self._known(node, numbers)
+                step = self._step(part.function)
+                values = [] if step is None else [_value(step, x) for x in rows_of(part)]
+                unknown = all(map(isnan, values))
+                self._values[numbers[part]] = self._points(part.property) if unknown else values
+        return rows_of(node)
 
-    def _known(self, node: Derivation, numbers: Mapping[Derivation, int]) -> Optional[List[Values]]:
-        columns = [self._values[numbers[input_]] for input_ in node.inputs]
-        known = [column for column in columns if column is not None]
-        return known if len(known) == len(columns) else None
-
-    def _points(self, name: str) -> Optional[Values]:
-        """Return values that a property usually has, spread evenly; None: not known."""
-        limits = self._ranges.get(name)
-        if limits is None:
-            return None
+    def _points(self, name: str) -> Values:
+        """Return values that a property usually has, spread evenly."""
+        low, high = self._ranges.get(name, (nan, nan))
         order = list(range(POINTS))
         Random(name).shuffle(order)  # of each property another order, and always the same
-        return [limits[0] + (limits[1] - limits[0]) * (k + 0.5) / POINTS for k in order]
+        return [low + (high - low) * (k + 0.5) / POINTS for k in order]
 
     def _step(self, function: Optional[TransferFunction]) -> Optional[Step]:
         """Return a function of inputs that stand still; None if that says nothing of it."""
         if function is None:
             return None
-        if id(function) not in self._steps:
-            try:
+        if function not in self._steps:
+            self._steps[function] = None
+            with suppress(GenerationError):
                 code = generate_function(function, self._ontology.constants).code
-                step = compile_steady(code, len(function.inputs), 1)
-            except GenerationError:
-                step = None
-            self._steps[id(function)] = step
-        return self._steps[id(function)]
+                self._steps[function] = compile_steady(code, len(function.inputs), 1)
+        return self._steps[function]
 
 
 def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:

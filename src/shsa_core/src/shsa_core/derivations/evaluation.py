@@ -18,6 +18,7 @@ from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
 from shsa_core.derivations import settings
 from shsa_core.derivations.calibrator import Calibrator
+from shsa_core.search.derivation import Derivation
 
 
 @dataclass(eq=False)
@@ -29,6 +30,7 @@ class Output:
     """
 
     source: Source
+    derivation: Derivation
     stated: Optional[Error]
     integrates: bool
     calibrator: Optional[Calibrator] = None
@@ -36,6 +38,11 @@ class Output:
     learned: Calibration = UNCALIBRATED
     calibration: Calibration = UNCALIBRATED
     growth: Optional[Growth] = None
+
+    @property
+    def errors(self) -> Mapping[float, float]:
+        """Return by what it erred lately, by the number of the turn."""
+        return {} if self.calibrator is None else self.calibrator.errors
 
     def calibrate(self) -> None:
         """Learn gain and offset from now on."""
@@ -226,7 +233,7 @@ class Derivations:
         gap = longest_gap(plan.outputs[0].service.period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
-        outputs = tuple(map(Output, plan.outputs, plan.errors, integrates))
+        outputs = tuple(map(Output, plan.outputs, plan.derivations, plan.errors, integrates))
         made = FollowedPlan(plan, outputs, program.step, program.remembers)
         self._keep(made)
         return made

@@ -5,12 +5,14 @@ alike gains nothing. Without such errors nothing is fused: covariance intersecti
 the better of both. What is fused is followed as any other, and told once it has proven better on
 what came after.
 """
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, sqrt
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Dict, Iterable, List, Mapping, Sequence, Tuple
 
 from shsa_core.codegen.generator import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
+from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Ontology
@@ -24,24 +26,12 @@ Errors = Mapping[float, float]
 SMALLEST = 1e-300
 
 
-class Part(NamedTuple):
-    """A derivation that is followed, and its output."""
-
-    derivation: Derivation
-    output: Output
-
-    @property
-    def errors(self) -> Errors:
-        """Return by what it erred lately."""
-        return {} if self.output.calibrator is None else self.output.calibrator.errors
-
-
 @dataclass
 class _Fused:
     """A fusion that is followed; `proven`: better than each of its parts on what came after."""
 
     followed: FollowedPlan
-    parts: Sequence[Part]
+    parts: Sequence[Output]
     proven: bool = False
 
     @property
@@ -49,8 +39,7 @@ class _Fused:
         """Return by how much it errs, compared with the best of its parts: in all, and in parts of
         the time, as some errors are rare and large; nothing: it is too early.
         """
-        own = Part(self.parts[0].derivation, self.followed.outputs[0])
-        columns = [part.errors for part in (own, *self.parts)]
+        columns = [part.errors for part in (*self.followed.outputs, *self.parts)]
         common = [time for time in columns[0] if all(time in column for column in columns)]
         if len(common) < settings.FUSED:
             return []
@@ -105,33 +94,33 @@ class Fusions:
             if len(weights) > 1:
                 self._next[key] = time + settings.DRIFT_S
                 chosen = [parts[i] for i in weights]
-                plan = self._plan(source, chosen, weights.values())
-                if isinstance(plan, Plan):
-                    self._fused[key] = _Fused(self._derivations.made(plan), chosen)
-                    found.append(self._fused[key].followed)
+                with suppress(ShsaError):
+                    followed = self._derivations.made(self._plan(source, chosen, weights.values()))
+                    self._fused[key] = _Fused(followed, chosen)
+                    found.append(followed)
         return found
 
-    def _parts(self, source: Source) -> List[Part]:
+    def _parts(self, source: Source) -> List[Output]:
         """Return what may be fused: nothing that is computed from the service itself."""
         service, ours = source.service.name, {each.followed for each in self._fused.values()}
-        pairs = [
-            pair
+        return [
+            output
             for each in self._derivations.plans(service)
             if each.substitutes and each not in ours
             if not any(service in input_.service.upstream for input_ in each.plan.inputs)
-            for pair in zip(each.plan.derivations, each.outputs)
+            for output in each.outputs
+            if output.source.property == source.property
         ]
-        return [Part(*pair) for pair in pairs if pair[1].source.property == source.property]
 
-    def _plan(self, source: Source, parts: Sequence[Part], weights: Iterable[float]) -> object:
+    def _plan(self, source: Source, parts: Sequence[Output], weights: Iterable[float]) -> Plan:
         derivations = [part.derivation for part in parts]
-        calibrations = (part.output.calibration for part in parts)
+        calibrations = (part.calibration for part in parts)
         function = fuse(derivations, list(zip(weights, calibrations))).function
         derivation = Derivation(function.output, None, function, tuple(derivations))
         joint = rate_joint([Rated((0, 0, 0), 1.0, derivation)])
         plan = make_plan(self._ontology, (source,), joint, False, None)
         least = settings.FUSED_GAIN * min(_rms(part.errors.values()) for part in parts)
-        return replace(plan, errors=(Error(least),)) if isinstance(plan, Plan) else plan
+        return replace(plan, errors=(Error(least),))
 
 
 def shares(columns: Sequence[Errors]) -> Dict[int, float]:
