@@ -40,22 +40,31 @@ class Fixed(NamedTuple):
 class Function:
     """A function of the language.
 
-    `takes` and `tells` document its arguments and its result. `call` takes `least` to `most` floats
-    (None: any number that is `least` plus a multiple of `each`) and returns one. For a `stateful`
-    function, `call` takes the longest gap in s and makes the Memory of one use; `rests`: its result
-    becomes its first argument once all arguments have stood still for long.
+    `takes` names its arguments, which `call` gets as floats, and `tells` its result, a float. After
+    "..." come more of them, a multiple of `each`; `fewest`, if they may be fewer than are named.
+    For a `stateful` function, `call` takes the longest gap in s and makes the Memory of one use;
+    `rests`: its result becomes its first argument once all arguments have stood still for long.
     """
 
     takes: str
     tells: str
     call: Callable[..., Any]
     units: UnitRule
-    least: int = 1
-    most: Optional[int] = 1
     each: int = 1
+    fewest: Optional[int] = None
     fixed: Optional[Fixed] = None
     stateful: bool = False
     rests: bool = False
+
+    @property
+    def least(self) -> int:
+        """The fewest arguments."""
+        return self.fewest or len(self.takes.replace(", ...", "").split(","))
+
+    @property
+    def most(self) -> Optional[int]:
+        """The most arguments; None: any number."""
+        return None if self.takes.endswith("...") else self.least
 
 
 def sign(value: float) -> float:
@@ -185,8 +194,8 @@ def _root(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
 CALLS: Mapping[str, Function] = {
     "abs": Function("x", "the size of x", abs, _same),
     "sign": Function("x", "-1, 0 or 1", sign, lambda name, parts, common: NO_UNIT),
-    "min": Function("x, y, ...", "the smallest", min, _shared, 2, None),
-    "max": Function("x, y, ...", "the largest", max, _shared, 2, None),
+    "min": Function("x, y, ...", "the smallest", min, _shared),
+    "max": Function("x, y, ...", "the largest", max, _shared),
     "floor": Function("x", "the largest whole number that is not greater", floor, _same),
     "ceil": Function("x", "the smallest whole number that is not less", ceil, _same),
     "sqrt": Function("x", "the square root", math.sqrt, _root),
@@ -200,42 +209,27 @@ CALLS: Mapping[str, Function] = {
     "acos": Function("x", "the angle in rad whose cosine is x", math.acos, _none),
     "atan": Function("x", "the angle in rad whose tangent is x", math.atan, _none),
     "tanh": Function("x", "the hyperbolic tangent, between -1 and 1", math.tanh, _none),
-    "atan2": Function("y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio, 2, 2),
-    "hypot": Function("x, y", "the square root of x² + y²", math.hypot, _shared, 2, 2),
+    "atan2": Function("y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio),
+    "hypot": Function("x, y", "the square root of x² + y²", math.hypot, _shared),
     "clip": Function(
-        "x, low, high",
-        "x, at least low and at most high",
-        clip,
-        _shared,
-        3,
-        3,
-        fixed=_ORDERED,
+        "x, low, high", "x, at least low and at most high", clip, _shared, fixed=_ORDERED
     ),
     "dot": Function(
-        "w1, x1, w2, x2, ...",
-        "the sum of the products w1·x1 + w2·x2 + ...",
-        dot,
-        _sum,
-        2,
-        None,
-        2,
+        "w1, x1, w2, x2, ...", "the sum of the products w1·x1 + w2·x2 + ...", dot, _sum, 2, 2
     ),
     "rbf": Function(
         "gamma, x1, c1, x2, c2, ...",
         "a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
         rbf,
         _bell,
-        3,
-        None,
         2,
+        3,
     ),
     "table": Function(
         "x, x0, y0, x1, y1, ...",
         "straight lines through points; beyond the ends the last y is held",
         table,
         _table,
-        5,
-        None,
         2,
         fixed=_INCREASING,
     ),
@@ -261,8 +255,6 @@ CALLS: Mapping[str, Function] = {
         "x behind a filter of first order with the time constant tau, in s",
         memory.lowpass,
         _timed("time constant"),
-        2,
-        2,
         stateful=True,
         rests=True,
     ),
@@ -271,8 +263,6 @@ CALLS: Mapping[str, Function] = {
         "x as it was T seconds ago",
         memory.delay,
         _timed("time"),
-        2,
-        2,
         fixed=_DELAY,
         stateful=True,
         rests=True,
