@@ -121,7 +121,9 @@ def _constant_entry(item: Constant) -> CommentedMap:
 def _function_entry(function: TransferFunction) -> Any:
     entry = CommentedMap()
     if function.law is not None:
-        entry.update(function.law.entry)
+        if function.law.steps:
+            entry["where"] = {name: step.text for name, step in function.law.steps}
+        entry["function"] = function.law.result.text
     else:
         entry["not_executable"] = _text(function.text)
         entry["inputs"] = CommentedSeq(function.inputs)

@@ -222,8 +222,6 @@ class Predictor:
         return slopes
 
     def _rows(self, node: Derivation, numbers: Mapping[Derivation, int]) -> List[Values]:
-        """Return the true values of a function's inputs at each point."""
-
         def rows_of(part: Derivation) -> List[Values]:
             columns = [self._values[numbers[each]] for each in part.inputs]
             return list(zip(*columns)) if columns else [()] * POINTS

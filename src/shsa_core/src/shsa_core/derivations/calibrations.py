@@ -2,10 +2,7 @@
 
 For each service the best plan is followed, and the best one without each node that this plan
 reads: what healing would choose now, and after one more failure. A better one that reads what is
-computed from the service watches the others. Of the angles of a quaternion the offset is learned,
-as their zeros differ; other angles, which wrap nobody knows where, are not calibrated, nor are
-integrals, which start at the last good value, event-driven and latched topics, and values that have
-only been whole numbers, which may be states.
+computed from the service watches the others. docs/explanation/errors.md tells what is calibrated.
 """
 from collections import deque
 from math import inf
@@ -27,8 +24,6 @@ from shsa_core.derivations.fusions import Fusions
 from shsa_core.search.derivation import SourceTable
 
 UNITS_OF_ANGLES = ("rad", "radian", "radians", "mrad", "deg", "degree", "degrees", "°")
-
-
 Said = Union[CalibrationsChanged, Log]
 
 
@@ -109,7 +104,6 @@ class Calibrations:
         return said
 
     def _plan(self) -> None:
-        """Search plans anew if other services are there now."""
         there = frozenset(service.name for service in self._som if self._is_there(service))
         if there == self._planned:
             return
@@ -210,7 +204,6 @@ def _row(followed: FollowedPlan) -> CalibrationRow:
 
 
 def _has_moved(followed: FollowedPlan) -> bool:
-    """Tell if calibrations are worth being told."""
     now = [each.calibration for each in followed.outputs]
     if not any(each.error for each in now):
         return False
@@ -218,7 +211,6 @@ def _has_moved(followed: FollowedPlan) -> bool:
 
 
 def _moved(before: Calibration, now: Calibration) -> bool:
-    """Tell if a calibration is worth being told anew."""
     if before.error is None or now.error is None:
         return now != before
     share, rms = settings.TOLD_SHARE, now.error.rms

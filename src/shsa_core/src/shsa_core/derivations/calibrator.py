@@ -5,9 +5,7 @@ tells the offset, what both deviate from it the gain. Each is forgotten only as 
 learned anew, after the directional forgetting of R. Kulhavy, "Restricted exponential forgetting in
 real-time identification", Automatica 23 (1987): else a robot that stands would forget its gain.
 
-A sample is learned once it is GUARD_S old and nothing was doubted since: what a sensor said last
-before it failed teaches nothing. After the first SETTLING_S, gain and offset move slowly, and
-only while an independent derivation confirms it: else it may be the sensor that drifts.
+docs/explanation/errors.md tells what teaches, and when.
 """
 from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
@@ -156,7 +154,6 @@ class Calibrator:
 
     @property
     def _step(self) -> float:
-        """The rms error of the relation: as stated, or as it is seen, whichever is larger."""
         if self._shift.settled:
             return self._shift.step
         late = [each for _, each, _ in self._errors][len(self._errors) // 2 :]
@@ -225,7 +222,6 @@ def _rms(values: List[float]) -> float:
 
 
 def _error(values: List[float]) -> Error:
-    """The error that samples of it tell."""
     count, sizes = len(values), sorted(abs(value) for value in values)
     p95 = sizes[ceil(0.95 * count) - 1]
     return Error(_rms(values), sum(values) / count, p95, n=count, source=SOURCE)

@@ -284,7 +284,6 @@ class Derivations:
                 self._refresh(each, time)
 
     def _refresh(self, plan: FollowedPlan, time: float) -> None:
-        """Look at what was learned."""
         if time - plan.refreshed >= settings.REFRESH_S:
             plan.refreshed = time
             for output in plan.outputs:

@@ -1,9 +1,8 @@
 """Fuses the followed derivations of a value, where their sum errs less than the best of them.
 
-The shares are those of least squares by errors at the same moments, of two at a time: what errs
-alike gains nothing. Without such errors nothing is fused: covariance intersection of one number is
-the better of both. What is fused is followed as any other, and told once it has proven better on
-what came after.
+The shares are those of least squares by errors at the same moments, of two at a time. Without such
+errors nothing is fused: covariance intersection of one number is the better of both. What is fused
+is followed as any other, and told once it has proven better on what came after.
 """
 from contextlib import suppress
 from dataclasses import dataclass, replace

@@ -2,7 +2,7 @@
 import ast
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from shsa_core.errors import ExpressionError
 from shsa_core.language.functions import CALLS, CONSTANTS, ELAPSED
@@ -60,12 +60,6 @@ class Law:
     def text(self) -> str:
         """The whole law in one line."""
         return "; ".join([*(f"{name} = {e.text}" for name, e in self.steps), self.result.text])
-
-    @property
-    def entry(self) -> Mapping[str, Any]:
-        """The law as it stands in an ontology file."""
-        where = {name: step.text for name, step in self.steps}
-        return {**({"where": where} if where else {}), "function": self.result.text}
 
     @property
     def names(self) -> Tuple[str, ...]:

@@ -14,8 +14,7 @@ from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 ELAPSED = "dt"
-FILTER, DELAY = "lowpass", "delay"
-"""The functions that let one input of a law come later than another."""
+DELAY = "delay"
 
 Common = Callable[[Sequence[Quantity], str], Quantity]
 """Return the quantity that all parts have; the text says what is wrong if two differ."""
