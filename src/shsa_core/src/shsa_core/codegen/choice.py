@@ -21,10 +21,6 @@ MARGIN = 0.1
 """By this share an error that was measured must be smaller than another one to come before it."""
 
 
-Listing = Iterator[Tuple[Rated, bool]]
-"""Joint derivations of some properties, best first, and whether each is the best that is left."""
-
-
 def listing(
     table: SourceTable,
     properties: Sequence[str],
@@ -34,12 +30,13 @@ def listing(
     limits: Sequence[Optional[float]] = (),
     refused: bool = False,
     method: Optional[str] = None,
-) -> Listing:
-    """Yield every joint derivation: by its errors, then by quality, or by quality alone.
+) -> Iterator[Tuple[Rated, bool]]:
+    """Yield every joint derivation, best first, and whether it is the best that is left.
 
-    Those by the relations to `prefer` come first. `limits` of the errors follow the properties.
-    What is not used by its error comes last if it is `refused`, or where there is nothing else. By
-    quality alone the first one is that of a `method`, and may come again.
+    Best by its errors, then by quality, or by quality alone; those by the relations to `prefer`
+    come first. `limits` of the errors follow the properties. What is not used by its error comes
+    last if it is `refused`, or where there is nothing else. By quality alone the first one is that
+    of a `method`, and may come again.
     """
     numbers = [table.network.number(name) for name in properties]
     known = predictor if method in (None, Method.BEST) else None

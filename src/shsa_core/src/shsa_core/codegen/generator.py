@@ -204,18 +204,15 @@ def _place(source: Source) -> Tuple[str, str]:
 
 def in_order(roots: Sequence[Derivation]) -> List[Derivation]:
     """Return every derivation once, inputs before what is made of them, left to right."""
-    done: Dict[int, Derivation] = {}
-    stack: List[Tuple[Derivation, bool]] = [(root, False) for root in reversed(roots)]
+    done: Dict[Derivation, None] = {}
+    stack = list(reversed(roots))
     while stack:
-        node, expanded = stack.pop()
-        if id(node) in done:
-            continue
-        if expanded or not node.inputs:
-            done[id(node)] = node
+        lacking = [each for each in stack[-1].inputs if each not in done]
+        if lacking:
+            stack.extend(reversed(lacking))
         else:
-            stack.append((node, True))
-            stack.extend((child, False) for child in reversed(node.inputs))
-    return list(done.values())
+            done.setdefault(stack.pop())
+    return list(done)
 
 
 def _definition(

@@ -9,9 +9,6 @@ from typing import Dict, Iterator, List, Optional, Sequence, Set, Tuple
 from shsa_core.search.best import Ratings, Usable
 from shsa_core.search.derivation import LOST, UNRATED, Rated, SourceTable
 
-Part = Tuple[Optional[Usable], bool]
-"""The functions that are looked at, and whether no other could be of use."""
-
 
 def first_found(
     sources: SourceTable, target: int, usable: Optional[Usable] = None
@@ -58,10 +55,11 @@ def _round(sources: SourceTable, usable: Optional[Usable], target: int, found: R
 
 def nearest(
     table: SourceTable, targets: Sequence[int], usable: Optional[Usable], steps: Optional[int]
-) -> Iterator[Part]:
+) -> Iterator[Tuple[Optional[Usable], bool]]:
     """Yield the first derivation of some properties with the `steps` functions next to them.
 
-    Then all functions; at once if `steps` is None, or there is no derivation.
+    Then all functions; at once if `steps` is None, or there is no derivation. And whether no other
+    function could be of use.
     """
     network = table.network
     if steps is not None:
