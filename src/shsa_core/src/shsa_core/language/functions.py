@@ -4,6 +4,7 @@ To add one, add a row to the table, with its rule for units, and a row to those 
 shsa_learning.
 """
 import math
+import operator
 from bisect import bisect_right
 from dataclasses import dataclass
 from fractions import Fraction
@@ -88,19 +89,13 @@ def clip(value: float, low: float, high: float) -> float:
 
 def dot(*pairs: float) -> float:
     """Return the sum of the products of w1, x1, w2, x2, and so on."""
-    rest = iter(pairs)
-    result = next(rest) * next(rest)
-    for weight, value in zip(rest, rest):
-        result += weight * value
-    return result
+    return sum(map(operator.mul, pairs[::2], pairs[1::2]))
 
 
 def rbf(gamma: float, *pairs: float) -> float:
     """Return exp(-gamma*((x1 - c1)² + ...)) of pairs x1, c1, x2, c2, ...; 1 where gamma is 0."""
-    square = 0.0
-    rest = iter(pairs)
-    for value, center in zip(rest, rest):
-        square += (value - center) * (value - center)
+    distances = [value - center for value, center in zip(pairs[::2], pairs[1::2])]
+    square = sum(each * each for each in distances)
     return math.exp(-gamma * square) if gamma else 1.0
 
 
@@ -131,12 +126,9 @@ def ordered(ends: Sequence[float]) -> Optional[str]:
     return None if low <= high else f"{low:g} is above {high:g}"
 
 
-def _same(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    return parts[0]
-
-
-def _shared(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    return common(parts, name + " of {} and {}")
+_same: UnitRule = lambda name, parts, common: parts[0]
+_shared: UnitRule = lambda name, parts, common: common(parts, name + " of {} and {}")
+_root: UnitRule = lambda name, parts, common: raised(parts[0], Fraction(1, 2))
 
 
 def _none(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
@@ -184,10 +176,6 @@ def _above_zero(times_s: Sequence[float]) -> Optional[str]:
 _INCREASING = Fixed(slice(1, None, 2), rising)
 _ORDERED = Fixed(slice(1, 3), ordered, must=False)
 _DELAY = Fixed(slice(1, 2), _above_zero)
-
-
-def _root(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    return raised(parts[0], Fraction(1, 2))
 
 
 CALLS: Mapping[str, Function] = {
