@@ -54,7 +54,12 @@ def listing(
         if complete:
             return
     elif method is not None:
-        firsts = [_first(table, usable, number, method) for number in numbers]
+        firsts: List[Optional[Rated]] = []
+        if method == Method.BEST:  # much faster than to rank all
+            best = BestDerivations(table, usable)
+            firsts += [best.ratings.rated(each) for each in numbers if best.settle(each)]
+        else:
+            firsts += [first_found(table, each, usable) for each in numbers]
         found = [rated for rated in firsts if rated is not None]
         if len(found) < len(numbers):
             return
@@ -62,17 +67,6 @@ def listing(
     for rated in Ranking(table, usable).joint(numbers):
         if not given or number_of(rated.derivation) not in given:
             yield rated, not given
-
-
-def _first(
-    table: SourceTable, usable: Optional[Usable], number: int, method: str
-) -> Optional[Rated]:
-    """Return the derivation of a property by a method, much faster than to rank all."""
-    if method != Method.BEST:
-        return first_found(table, number, usable)
-    best = BestDerivations(table, usable)
-    best.settle(number)
-    return best.ratings.rated(number)
 
 
 class Compared(NamedTuple):
