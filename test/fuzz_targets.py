@@ -18,7 +18,7 @@ sys.path.insert(0, str(ROOT / "src" / "shsa_core" / "test" / "unit"))
 import audit  # noqa: E402
 
 from shsa_core import message_types  # noqa: E402
-from shsa_core.analysis.check import check_ontology  # noqa: E402
+from shsa_core.analysis.check import check_functions  # noqa: E402
 from shsa_learning.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
@@ -31,7 +31,8 @@ from shsa_core.healing.settings import Settings  # noqa: E402
 from shsa_core.journal.machines import MACHINES, machine_kind  # noqa: E402
 from shsa_learning.replay import Journal  # noqa: E402
 from shsa_core.language.expression import parse_law  # noqa: E402
-from shsa_core.language.units import parse_unit  # noqa: E402
+from shsa_learning.units.mismatches import check_units  # noqa: E402
+from shsa_learning.units.unit import parse_unit  # noqa: E402
 from shsa_core.model.field import parse_field  # noqa: E402
 from shsa_core.model.som import Som  # noqa: E402
 from shsa_core.ros.messages.fields import Decoder  # noqa: E402
@@ -101,7 +102,8 @@ def ontology(data: bytes) -> None:
     for function in model.functions:
         assert function.output in model.properties
         assert function.law is None or parse_law(function.law.text) == function.law
-    list(check_ontology(model))
+    list(check_units(model))
+    list(check_functions(model))
 
 
 @target

@@ -1,10 +1,10 @@
 """Values on the way: relations that name parts of their function under `where`."""
 import pathlib
-from typing import List, Optional, Tuple
+from typing import List, Tuple
 
 import pytest
 
-from shsa_core.analysis.check import check_ontology
+from shsa_core.analysis.check import check_functions
 from shsa_core.codegen.plans import plan_service
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ExpressionError, ModelError
@@ -156,34 +156,10 @@ def test_how_much_there_may_be_is_limited() -> None:
         composed(40, "v" * 1000)
 
 
-@pytest.mark.parametrize(
-    "old, new, what",
-    [
-        ("0.3*v", "v", "tanh of m*s^-1, it needs (no unit)"),
-        ("sum_ + 8.1", "0*sum_ + h1*u", "the function gives V, its property is in A"),
-        ("1.2*h1 - 0.4*h2", "h1 + h2*0 + u", "(no unit) and V are added or subtracted"),
-        ("-0.7*u + 0.2*v", "delay(0.2*v, k)", None),
-        ("-0.7*u + 0.2*v", "0.2*delay(v, u)", "the time of delay is in V, not in s"),
-        ("-0.7*u + 0.2*v", "rbf(0.3, u, v)", "rbf of V from m*s^-1"),
-        ("-0.7*u + 0.2*v", "table(u, 0, v, 1, 2)", "tanh of m*s^-1, it needs (no unit)"),
-        ("-0.7*u + 0.2*v", "dot(1, u, 2, v)", "dot adds V and m*s^-1"),
-        ("-0.7*u + 0.2*v", "dot(0.3, u, 0.2, v)", None),
-        ("-0.7*u + 0.2*v", "clip(u, 0, v)", "clip of V and m*s^-1"),
-    ],
-)
-def test_units_are_followed(
-    tmp_path: pathlib.Path, old: str, new: str, what: Optional[str]
-) -> None:
-    assert old in FILE
-    ontology = read(tmp_path, FILE.replace(old, new).replace("-0.1", "0.1"))
-    found = [each.what for each in check_ontology(ontology) if "units of" in each.what]
-    assert [each for each in found if what is not None and what in each] or not (what or found)
-
-
 def test_a_constant_that_makes_a_function_impossible_is_an_error(tmp_path: pathlib.Path) -> None:
     for text in ("delay(v, k)", "table(v, 0, 1, k, 2)", "delay(v, u)", "table(v, u, 1, 2, 3)"):
         ontology = read(tmp_path, FILE.replace("tanh(-0.7*u + 0.2*v)", text + " + u"))
-        found = [each for each in check_ontology(ontology) if each.level == "error"]
+        found = [each for each in check_functions(ontology) if each.level == "error"]
         assert any("no code for the relations net" in each.what for each in found), text
 
 

@@ -2,7 +2,8 @@
 import re
 from typing import Any, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
-from shsa_core.analysis.check import Finding, check_names, check_ontology
+from shsa_core.analysis.budget import check_budgets
+from shsa_core.analysis.check import Finding, check_functions, check_names
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, listed
@@ -16,11 +17,11 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import SourceTable
-from shsa_core.analysis.budget import check_budgets
 from shsa_learning.ranges.analysis import find_troubles, narrowed
 from shsa_learning.ranges.interval import Interval
 from shsa_learning.schedulability import check_placements, takeovers
 from shsa_learning.type_check import check_healable, check_types
+from shsa_learning.units.mismatches import check_units
 
 SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values
 
@@ -61,7 +62,7 @@ def check_files(
 
 def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     """Return everything found in an ontology, and in a SOM if there is one."""
-    findings = list(check_ontology(ontology))
+    findings = [*check_units(ontology), *check_functions(ontology)]
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
         findings += check_names(ontology, som)

@@ -8,7 +8,7 @@ from learning_data import World, save
 from plants import octocopter, saved, slow_current
 from test_learn import ask, linear
 
-from shsa_core.language.units import parse_unit
+from shsa_learning.units.unit import parse_unit
 from shsa_learning.learn import fitting, models
 from shsa_learning.learn.features import Features
 from shsa_learning.learn.learner import learn

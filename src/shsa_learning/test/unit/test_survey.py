@@ -9,7 +9,7 @@ import pytest
 from robots import Robot, layout, times
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.language.units import parse_unit
+from shsa_learning.units.unit import parse_unit
 from shsa_learning.init.contents import MOST_ELEMENTS, Array, contents, elements
 from shsa_learning.init.meanings import MEANINGS, NOTHING
 from shsa_learning.init.spread import KEPT, RhythmTally, Sample, Spread, SpreadTally

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import threading
 import time
+from functools import partialmethod
 from urllib.parse import urlparse
 
 import rosgraph
@@ -64,7 +65,8 @@ class FaultyPublisher:
     """
 
     def __init__(self) -> None:
-        ROSHandler.shutdown = only_if_meant(ROSHandler.shutdown)  # by masters of robots beside
+        # By masters of robots beside.
+        ROSHandler.shutdown = partialmethod(only_if_meant, ROSHandler.shutdown)
         self.topic = rospy.get_param("~topic", "/watched")
         self.period = rospy.get_param("~period", 0.02)
         self.value = rospy.get_param("~value", 1.0)

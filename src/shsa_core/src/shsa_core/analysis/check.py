@@ -1,15 +1,14 @@
 """Finds what makes a model invalid, or cannot be read or written on this computer."""
 from dataclasses import dataclass, replace
-from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
+from typing import Iterator, List, NamedTuple, Tuple
 
 from shsa_core import message_types
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.program import INTEGRAL, compile_program
-from shsa_core.errors import GenerationError, ModelError, ModelErrors, UnitError
-from shsa_core.language.units import Unit, parse_unit
+from shsa_core.errors import GenerationError, ModelError, ModelErrors
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field_value import problem
-from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -33,42 +32,14 @@ class Finding:
 
 def refuse_invalid(ontology: Ontology, som: Som) -> None:
     """Raise ModelErrors, with file and line, if a model that can be read is not valid."""
-    found = (*check_ontology(ontology), *check_names(ontology, som))
+    found = (*check_functions(ontology), *check_names(ontology, som))
     errors = [ModelError(each.where, each.what) for each in found if each.level == "error"]
     if errors:
         raise ModelErrors(errors)
 
 
-def check_ontology(ontology: Ontology) -> Iterator[Finding]:
-    """Report what is wrong with the units and functions of an ontology."""
-    yield from _check_units(ontology)
-    yield from _check_functions(ontology)
-
-
-def _check_units(ontology: Ontology) -> Iterator[Finding]:
-    units: Dict[str, Optional[Unit]] = {}
-    items: List[Union[Property, Constant]] = [*ontology.properties.values()]
-    for item in [*items, *ontology.constants.values()]:
-        units[item.name] = None
-        try:
-            units[item.name] = parse_unit(item.unit)
-        except UnitError as error:
-            yield Finding("error", item.where, f"{item.name}: {error}")
-    for function in ontology.functions:
-        if function.law is None:
-            continue
-        mismatches = function.law.mismatches(units, units[function.output])
-        if function.constraint is not None:
-            mismatches += function.constraint.mismatches(units)
-        for text, sure in dict.fromkeys(mismatches):
-            level, todo = "error", "Correct the function or the units"
-            if not sure:
-                level = "warning"
-                todo = "Correct it, or give the number that carries a unit a name in 'constants'"
-            yield Finding(level, function.where, f"units of {_name(function)}: {text}", todo)
-
-
-def _check_functions(ontology: Ontology) -> Iterator[Finding]:
+def check_functions(ontology: Ontology) -> Iterator[Finding]:
+    """Report the functions of an ontology that cannot be computed, or not as a reader expects."""
     for function in ontology.functions:
         if function.law is None:
             what = f"{_name(function)} cannot be executed: {function.text!r}"

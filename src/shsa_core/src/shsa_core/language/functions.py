@@ -1,27 +1,18 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-To add one, add a row to the table, with its rule for units, and a row to those of ranges in
-shsa_learning.
+To add one, add a row to the table, and a row to those of units and ranges in shsa_learning.
 """
 import math
 import operator
 from bisect import bisect_right
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
 from shsa_core.language import memory
-from shsa_core.language.units import NO_UNIT, SECOND, Quantity, raised, times
 
 CONSTANTS: Mapping[str, float] = {"pi": math.pi}
 ELAPSED = "dt"
-DELAY = "delay"
-
-Common = Callable[[Sequence[Quantity], str], Quantity]
-"""Return the quantity that all parts have; the text says what is wrong if two differ."""
-
-UnitRule = Callable[[str, Sequence[Quantity], Common], Quantity]
-"""Map a function's name and the quantities of its arguments to the quantity of the call."""
+DELAY, FILTER = "delay", "lowpass"
 
 
 class Fixed(NamedTuple):
@@ -49,7 +40,6 @@ class Function:
     takes: str
     tells: str
     call: Callable[..., Any]
-    units: UnitRule
     each: int = 1
     fewest: Optional[int] = None
     fixed: Optional[Fixed] = None
@@ -126,48 +116,6 @@ def ordered(ends: Sequence[float]) -> Optional[str]:
     return None if low <= high else f"{low:g} is above {high:g}"
 
 
-_same: UnitRule = lambda name, parts, common: parts[0]
-_shared: UnitRule = lambda name, parts, common: common(parts, name + " of {} and {}")
-_root: UnitRule = lambda name, parts, common: raised(parts[0], Fraction(1, 2))
-
-
-def _none(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    common([parts[0], NO_UNIT], name + " of {}, it needs {}")
-    return NO_UNIT
-
-
-def _ratio(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    _shared(name, parts, common)
-    return NO_UNIT
-
-
-def _timed(what: str) -> UnitRule:
-    def rule(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-        common([parts[1], SECOND], f"the {what} of {name} is in {{}}, not in {{}}")
-        return parts[0]
-
-    return rule
-
-
-def _sum(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    products = [times(*pair) for pair in zip(parts[::2], parts[1::2])]
-    return common(products, name + " adds {} and {}")
-
-
-def _bell(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    gamma, *pairs = parts
-    for pair in zip(pairs[::2], pairs[1::2]):
-        distance = common(pair, name + " of {} from {}")
-        exponent = times(gamma, raised(distance, Fraction(2)))
-        common([exponent, NO_UNIT], "the exponent of " + name + " is in {}, it needs {}")
-    return NO_UNIT
-
-
-def _table(name: str, parts: Sequence[Quantity], common: Common) -> Quantity:
-    common([parts[0], *parts[1::2]], name + " of {} by {}")
-    return common(parts[2::2], name + " gives {} and {}")
-
-
 def _above_zero(times_s: Sequence[float]) -> Optional[str]:
     good = all(0.0 < time_s < math.inf for time_s in times_s)
     return None if good else "the time must be above 0 s"
@@ -179,36 +127,33 @@ _DELAY = Fixed(slice(1, 2), _above_zero)
 
 
 CALLS: Mapping[str, Function] = {
-    "abs": Function("x", "the size of x", abs, _same),
-    "sign": Function("x", "-1, 0 or 1", sign, lambda name, parts, common: NO_UNIT),
-    "min": Function("x, y, ...", "the smallest", min, _shared),
-    "max": Function("x, y, ...", "the largest", max, _shared),
-    "floor": Function("x", "the largest whole number that is not greater", floor, _same),
-    "ceil": Function("x", "the smallest whole number that is not less", ceil, _same),
-    "sqrt": Function("x", "the square root", math.sqrt, _root),
-    "exp": Function("x", "e to the x", math.exp, _none),
-    "log": Function("x", "the natural logarithm", math.log, _none),
-    "log10": Function("x", "the logarithm to the base 10", math.log10, _none),
-    "sin": Function("x", "the sine of an angle in rad", math.sin, _none),
-    "cos": Function("x", "the cosine of an angle in rad", math.cos, _none),
-    "tan": Function("x", "the tangent of an angle in rad", math.tan, _none),
-    "asin": Function("x", "the angle in rad whose sine is x", math.asin, _none),
-    "acos": Function("x", "the angle in rad whose cosine is x", math.acos, _none),
-    "atan": Function("x", "the angle in rad whose tangent is x", math.atan, _none),
-    "tanh": Function("x", "the hyperbolic tangent, between -1 and 1", math.tanh, _none),
-    "atan2": Function("y, x", "the angle in rad of the point (x, y)", math.atan2, _ratio),
-    "hypot": Function("x, y", "the square root of x² + y²", math.hypot, _shared),
-    "clip": Function(
-        "x, low, high", "x, at least low and at most high", clip, _shared, fixed=_ORDERED
-    ),
+    "abs": Function("x", "the size of x", abs),
+    "sign": Function("x", "-1, 0 or 1", sign),
+    "min": Function("x, y, ...", "the smallest", min),
+    "max": Function("x, y, ...", "the largest", max),
+    "floor": Function("x", "the largest whole number that is not greater", floor),
+    "ceil": Function("x", "the smallest whole number that is not less", ceil),
+    "sqrt": Function("x", "the square root", math.sqrt),
+    "exp": Function("x", "e to the x", math.exp),
+    "log": Function("x", "the natural logarithm", math.log),
+    "log10": Function("x", "the logarithm to the base 10", math.log10),
+    "sin": Function("x", "the sine of an angle in rad", math.sin),
+    "cos": Function("x", "the cosine of an angle in rad", math.cos),
+    "tan": Function("x", "the tangent of an angle in rad", math.tan),
+    "asin": Function("x", "the angle in rad whose sine is x", math.asin),
+    "acos": Function("x", "the angle in rad whose cosine is x", math.acos),
+    "atan": Function("x", "the angle in rad whose tangent is x", math.atan),
+    "tanh": Function("x", "the hyperbolic tangent, between -1 and 1", math.tanh),
+    "atan2": Function("y, x", "the angle in rad of the point (x, y)", math.atan2),
+    "hypot": Function("x, y", "the square root of x² + y²", math.hypot),
+    "clip": Function("x, low, high", "x, at least low and at most high", clip, fixed=_ORDERED),
     "dot": Function(
-        "w1, x1, w2, x2, ...", "the sum of the products w1·x1 + w2·x2 + ...", dot, _sum, 2, 2
+        "w1, x1, w2, x2, ...", "the sum of the products w1·x1 + w2·x2 + ...", dot, 2, 2
     ),
     "rbf": Function(
         "gamma, x1, c1, x2, c2, ...",
         "a radial basis function: exp(-gamma·((x1 - c1)² + (x2 - c2)² + ...))",
         rbf,
-        _bell,
         2,
         3,
     ),
@@ -216,7 +161,6 @@ CALLS: Mapping[str, Function] = {
         "x, x0, y0, x1, y1, ...",
         "straight lines through points; beyond the ends the last y is held",
         table,
-        _table,
         2,
         fixed=_INCREASING,
     ),
@@ -224,24 +168,21 @@ CALLS: Mapping[str, Function] = {
         "x",
         "the change of x since the evaluation before, per second",
         memory.derivative,
-        lambda name, parts, common: times(parts[0], SECOND, -1),
         stateful=True,
     ),
     "integral": Function(
         "x",
         "the area under x since the start, in seconds times x",
         memory.integral,
-        lambda name, parts, common: times(parts[0], SECOND),
         stateful=True,
     ),
     "previous": Function(
-        "x", "x at the evaluation before", memory.previous, _same, stateful=True, rests=True
+        "x", "x at the evaluation before", memory.previous, stateful=True, rests=True
     ),
     "lowpass": Function(
         "x, tau",
         "x behind a filter of first order with the time constant tau, in s",
         memory.lowpass,
-        _timed("time constant"),
         stateful=True,
         rests=True,
     ),
@@ -249,7 +190,6 @@ CALLS: Mapping[str, Function] = {
         "x, T",
         "x as it was T seconds ago",
         memory.delay,
-        _timed("time"),
         fixed=_DELAY,
         stateful=True,
         rests=True,

@@ -110,7 +110,7 @@ def _place(uri: str) -> str:
 
 
 class KnowledgeFile:
-    """What a master knows, at `path`; it counts for LONGEST_PAUSE_S, in the same `boot` alone."""
+    """Keeps what a master knows at `path`: for LONGEST_PAUSE_S, and in the same `boot` alone."""
 
     def __init__(self, path: str, boot: str) -> None:
         self._path, self._boot = path, boot

@@ -3,7 +3,7 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from shsa_core.language.functions import DELAY
+from shsa_core.language.functions import DELAY, FILTER
 from shsa_learning.learn.features import Features
 from shsa_learning.learn.models import quick
 from shsa_learning.learn.table import Fold, blocked
@@ -25,7 +25,7 @@ class Lag(NamedTuple):
         """Return the input as it stands in an expression."""
         if self.delay > 0.0:
             name = f"{DELAY}({name}, {self.delay:g})"
-        return f"lowpass({name}, {self.filter:g})" if self.filter > 0.0 else name
+        return f"{FILTER}({name}, {self.filter:g})" if self.filter > 0.0 else name
 
 
 def candidates() -> List[Lag]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from shsa_core.codegen.generator import generate
 from shsa_core.codegen.program import compile_program
-from shsa_core.language.units import Unit, parse_unit
+from shsa_learning.units.unit import Unit, parse_unit
 from shsa_core.model.ontology import Constant, Ontology, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
 from shsa_core.search.derivation import Derivation

@@ -7,7 +7,8 @@ from typing import Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
-from shsa_core.language.units import Unit
+from shsa_learning.units.mismatches import law_mismatches
+from shsa_learning.units.unit import Unit
 from shsa_learning.learn.delays import Lag, candidates
 from shsa_learning.learn.evaluation import Knowledge
 from shsa_learning.learn.features import function_of
@@ -106,4 +107,4 @@ def _sensible(term: str, units: Mapping[str, Optional[Unit]]) -> bool:
     assert function.law is not None
     if not any(units.get(name) for name in function.inputs):
         return True
-    return not function.law.mismatches({name: units.get(name) for name in function.inputs}, None)
+    return not law_mismatches(function.law, {n: units.get(n) for n in function.inputs}, None)

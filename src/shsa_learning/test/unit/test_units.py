@@ -2,14 +2,17 @@
 import subprocess
 import sys
 from fractions import Fraction
+from pathlib import Path
 from typing import List, Optional, Tuple
 
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from shsa_core.errors import UnitError
+from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_constraint, parse_law
-from shsa_core.language.units import Unit, parse_unit
+from shsa_learning.units.mismatches import check_units, condition_mismatches, law_mismatches
+from shsa_learning.units.unit import Unit, parse_unit
 from shsa_testing.thorough import many
 
 UNITS = {
@@ -29,13 +32,14 @@ UNITS = {
         "share": "1",
         "warm": "degC",
         "any": "",
+        "k": "",
     }.items()
 }
 
 
 def mismatches(text: str, unit: str, constraint: Optional[str] = None) -> List[Tuple[str, bool]]:
-    found = parse_law(text).mismatches(UNITS, parse_unit(unit))
-    return found + (parse_constraint(constraint).mismatches(UNITS) if constraint else [])
+    found = law_mismatches(parse_law(text), UNITS, parse_unit(unit))
+    return found + (condition_mismatches(parse_constraint(constraint), UNITS) if constraint else [])
 
 
 @pytest.mark.parametrize(
@@ -254,6 +258,41 @@ def test_units_of_a_constraint() -> None:
 
 def test_everything_that_does_not_match_is_told_once() -> None:
     assert len(mismatches("(u + i) + (u + i) + (v + a)*any", "A")) == 2
+
+
+@pytest.mark.parametrize(
+    "old, new, what",
+    [
+        ("0.3*v", "v", "tanh of m*s^-1, it needs (no unit)"),
+        ("sum_ + 8.1", "0*sum_ + h1*u", "the function gives V, its property is in A"),
+        ("1.2*h1 - 0.4*h2", "h1 + h2*0 + u", "(no unit) and V are added or subtracted"),
+        ("-0.7*u + 0.2*v", "delay(0.2*v, k)", None),
+        ("-0.7*u + 0.2*v", "0.2*delay(v, u)", "the time of delay is in V, not in s"),
+        ("-0.7*u + 0.2*v", "rbf(0.3, u, v)", "rbf of V from m*s^-1"),
+        ("-0.7*u + 0.2*v", "table(u, 0, v, 1, 2)", "tanh of m*s^-1, it needs (no unit)"),
+        ("-0.7*u + 0.2*v", "dot(1, u, 2, v)", "dot adds V and m*s^-1"),
+        ("-0.7*u + 0.2*v", "dot(0.3, u, 0.2, v)", None),
+        ("-0.7*u + 0.2*v", "clip(u, 0, v)", "clip of V and m*s^-1"),
+    ],
+)
+def test_units_are_followed_through_steps(old: str, new: str, what: Optional[str]) -> None:
+    law = "h1 = tanh(0.3*v + k); h2 = tanh(-0.7*u + 0.2*v); sum_ = 1.2*h1 - 0.4*h2; sum_ + 8.1"
+    assert old in law
+    found = [text for text, _ in mismatches(law.replace(old, new), "A")]
+    assert [each for each in found if what is not None and what in each] or not (what or found)
+
+
+def test_a_file_is_told_where_its_units_are_wrong(tmp_path: Path) -> None:
+    path = tmp_path / "o.yaml"
+    path.write_text(
+        "properties: {v: {unit: m/s}, u: {unit: foo}, i: {unit: A}}\n"
+        "relations:\n  net: {i: {function: 0.5*v, constraint: v > 3}}\n"
+    )
+    found = [str(each) for each in check_units(read_ontology(str(path)))]
+    assert [text.rpartition("o.yaml")[2].split(": ")[:3] for text in found] == [
+        [":1", "error", "u"],
+        [":3", "warning", "units of net for i"],
+    ]
 
 
 def test_who_does_not_check_units_does_not_pay_for_them() -> None:
