@@ -73,7 +73,7 @@ class GateNode:
         now = clock.now()
         self._inbox.wait(min(self._core.next_deadline, now + settings.TURN_S) - now)
         for item in self._inbox.take():
-            self._feed(wire.substitutions_changed(item))
+            self._feed(wire.substitutions_changed(item, whole_rows=True))  # with their errors
         happenings = self._subscriptions.read(self._fed)
         newest = {each.connection: each.data for each in happenings if isinstance(each, Arrived)}
         for happening in happenings:

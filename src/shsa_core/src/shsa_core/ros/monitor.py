@@ -194,7 +194,7 @@ class MonitorNode:
         """Publish what has changed in the table of health."""
         changes, self._changes = self._changes, {}
         rows = [filled(msg.PublisherHealth, row) for row in changes.values() if row is not None]
-        removed = [" ".join(key) for key, row in changes.items() if row is None]
+        removed = [wire.health_key(key) for key, row in changes.items() if row is None]
         self._health.update(rows, removed)
 
     def _tell_health(self, change: events.HealthChanged) -> None:

@@ -114,6 +114,6 @@ class _Composed:
         for quaternion in self._quaternions:
             normalize(quaternion)
         if message._has_header:
-            now = rospy.Time.now()
-            message.header.stamp = rospy.Time(0, command.stamp) if command.stamp else now
+            stamp = command.stamp
+            message.header.stamp = rospy.Time(0, stamp) if stamp else rospy.Time.now()
         return message

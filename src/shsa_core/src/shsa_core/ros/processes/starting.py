@@ -124,17 +124,15 @@ class Substitutes:
 
     def take_up(self) -> List[str]:
         """Make ours the substitutes of this master and agent that run, registered or not."""
-        found = [
-            each
-            for each in robot_processes()
-            if each.variables.get(HOST, "") == self._setup.host
-            and each.node.startswith(self._setup.prefix)
-            and any(os.path.realpath(word) in self._files for word in each.words[:2])
-            and self.children.process(each.node) is None
-        ]
-        for each in found:
-            self._keep(each.node, each.process, self._free_slot())
-        return [each.node for each in found]
+        taken: List[str] = []
+        for each in robot_processes():
+            here = each.variables.get(HOST, "") == self._setup.host
+            ours = any(os.path.realpath(word) in self._files for word in each.words[:2])
+            named = each.node.startswith(self._setup.prefix)
+            if here and ours and named and self.children.process(each.node) is None:
+                self._keep(each.node, each.process, self._free_slot())
+                taken.append(each.node)
+        return taken
 
     def _keep(self, node: str, process: psutil.Process, slot: int) -> None:
         self._slots[node] = slot

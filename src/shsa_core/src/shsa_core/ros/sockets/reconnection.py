@@ -29,8 +29,9 @@ def refuses(host: str, uri: str) -> bool:
         port = address(uri).port
     except BadAnswer:
         return False
-    end = _now() + settings.REST_S
-    while (left := end - _now()) > 0.0:
+    left = settings.REST_S
+    end = _now() + left
+    while left > 0.0:
         with socket.socket(family(host)) as caller:
             caller.settimeout(left)
             try:
@@ -40,9 +41,10 @@ def refuses(host: str, uri: str) -> bool:
             except ConnectionRefusedError:
                 return True
             except ConnectionResetError:
-                continue
+                pass
             except OSError:
                 return False
+        left = end - _now()
     return False
 
 
@@ -157,6 +159,8 @@ class Reconnection:
 
 def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]:
     """Connect as rospy does when the master tells it of a publisher; None: it does not answer."""
+    if implementation.connects(uri):
+        return True
     try:
         protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
     except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing

@@ -13,9 +13,10 @@ from shsa_core.healing.incident import Incident
 from shsa_core.journal.codec import Codec
 from shsa_core.model.calibration import CalibrationRow
 from shsa_core.model.error import Error
-from shsa_core.model.health import PublisherHealth
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind
-from shsa_core.model.substitution import Program
+from shsa_core.model.service import Signal
+from shsa_core.model.substitution import Program, Substitution
 from shsa_core.monitoring.events import FormerlyHealthy, SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
@@ -147,9 +148,14 @@ def failure_message(row: PublisherHealth) -> msg.Failure:
     return filled(msg.Failure, row, header=header, told=rospy.Time.now())
 
 
-def health_row_key(row: msg.PublisherHealth) -> str:
+def health_key(key: Key) -> str:
     """Return the key of a row of the table of health."""
-    return f"{row.topic} {row.publisher}"
+    return f"{key[0]} {key[1]}"
+
+
+def health_row_key(row: msg.PublisherHealth) -> str:
+    """Return the key of a row of that table."""
+    return health_key((row.topic, row.publisher))
 
 
 def calibration_row(row: CalibrationRow) -> msg.Calibration:
@@ -162,10 +168,32 @@ def calibration_key(service: str, program: Program) -> str:
     return _KEY.to_text((service, program))
 
 
-def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
-    """Return the event of a message on shsa/substitutions. Raises ShsaError if it is none."""
-    rows = tuple(map(substitution_row, table.substitutions))
+def substitutions_changed(
+    table: msg.Substitutions, whole_rows: bool = False
+) -> SubstitutionsChanged:
+    """Return the event of a message on shsa/substitutions; rows as far as the monitor heeds them.
+
+    Raises ShsaError if one of `whole_rows` is none.
+    """
+    read_row = substitution_row if whole_rows else _seen_by_monitor
+    rows = tuple(map(read_row, table.substitutions))
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
+
+
+def _seen_by_monitor(row: msg.Substitution) -> Substitution:
+    """Return of a row what the monitor heeds: what else changes in it is no change there."""
+    return Substitution(
+        row.node,
+        row.service,
+        (),
+        "",
+        tuple(Signal(each.topic, each.field, "", "", None, None) for each in row.outputs),
+        quality=row.quality,
+        publishing=row.publishing,
+        bridge=row.bridge,
+        gated=row.gated,
+        shared=row.shared,
+    )
 
 
 def formerly_healthy(table: msg.SomState) -> FormerlyHealthy:

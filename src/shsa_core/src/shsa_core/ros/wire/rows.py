@@ -3,10 +3,10 @@
 A module of its own: a substitute must start soon, and needs nothing else of the wire.
 """
 import math
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, fields
 from enum import Enum
 from functools import lru_cache
-from typing import Any, Callable, List, Optional, Sequence, Type, TypeVar
+from typing import Any, Callable, Dict, List, Optional, Sequence, Type, TypeVar
 from typing import get_args, get_type_hints
 
 import genpy
@@ -22,8 +22,11 @@ from shsa_core.ros import clock
 from shsa_core.ros.messages.tables import Concerns
 from shsa_core.substitution import signals
 
+NOT_KNOWN = math.nan
+
 R = TypeVar("R")
-_hints = lru_cache(maxsize=None)(get_type_hints)
+Read = Callable[[Any, Optional[float]], Any]
+"""Makes a record's value of a message's, whose sender's clock is so far ahead."""
 
 
 def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
@@ -68,29 +71,40 @@ def read(
 
     Stamps are moments by a clock that is so far ahead of ours. Raises ShsaError if a word is none.
     """
-    record: Any = kind
-    wanted, hints = set(message.__slots__).difference(others), _hints(record)
-    values = {
-        each.name: _read(each, hints[each.name], getattr(message, each.name), ahead)
-        for each in fields(record)
-        if each.name in wanted
+    kinds: Any = kind, type(message)
+    readers = _readers(*kinds)
+    wanted = readers.keys() - others
+    same = {name: readers[name](getattr(message, name), ahead) for name in wanted}
+    return kind(**same, **others)
+
+
+@lru_cache(maxsize=None)
+def _readers(kind: Any, message: Type[genpy.Message]) -> Dict[str, Read]:
+    """Return what reads each field that a record of this kind shares with a message."""
+    slots, hints = dict(zip(message.__slots__, message._slot_types)), get_type_hints(kind)
+    shared = [each for each in fields(kind) if each.name in slots]
+    return {
+        each.name: _reader(each.name, slots[each.name], hints[each.name], each.default)
+        for each in shared
     }
-    return kind(**values, **others)
 
 
-def _read(field: "Field[Any]", hint: Any, value: Any, ahead: Optional[float]) -> Any:
+def _reader(name: str, slot: str, hint: Any, default: Any) -> Read:
     of = next(iter(get_args(hint)), hint)  # Optional[float] is of float
-    if isinstance(value, genpy.Time):
-        return None if ahead is None else clock.to_moment(value, ahead)
+    if slot == "time":
+        return lambda stamp, ahead: None if ahead is None else clock.to_moment(stamp, ahead)
     if isinstance(of, type) and issubclass(of, Word):
-        if not value and field.default is not MISSING:
-            return field.default  # no text stands for what a record is made with
-        return word_of(field.name, of, value)
+        # No text stands for what a record is made with.
+        return (
+            lambda text, _: default
+            if not text and default is not MISSING
+            else word_of(name, of, text)
+        )
     if hint is bytes:
-        return bytes(value)
+        return lambda data, _: bytes(data)
     if hint == Optional[float]:
-        return value or None
-    return tuple(value) if isinstance(value, list) else value
+        return lambda number, _: number or None
+    return lambda value, _: tuple(value) if isinstance(value, list) else value
 
 
 def word_of(name: str, kind: Type[Word], text: str) -> Word:
@@ -103,16 +117,18 @@ def word_of(name: str, kind: Type[Word], text: str) -> Word:
 
 def substitution_message(row: Substitution) -> msg.Substitution:
     """Return a row as a message."""
-    inputs, outputs = ([*map(signal_message, each)] for each in (row.inputs, row.outputs))
-    return filled(msg.Substitution, row, inputs=inputs, outputs=outputs)
+    ends = {"inputs": row.inputs, "outputs": row.outputs}
+    told = {name: [signal_message(each) for each in signals] for name, signals in ends.items()}
+    return filled(msg.Substitution, row, **told)
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
-    inputs, outputs = (tuple(map(signal_of, each)) for each in (message.inputs, message.outputs))
-    return read(Substitution, message, inputs=inputs, outputs=outputs)
+    ends = {"inputs": message.inputs, "outputs": message.outputs}
+    told = {name: tuple(map(signal_of, signals)) for name, signals in ends.items()}
+    return read(Substitution, message, **told)
 
 
 def signal_message(signal: Signal) -> msg.Signal:
@@ -123,12 +139,12 @@ def signal_message(signal: Signal) -> msg.Signal:
 
 def rms_of(errors: Sequence[Optional[Error]]) -> List[float]:
     """Return the expected RMS errors as a message has them."""
-    return [math.nan if error is None else error.rms for error in errors]
+    return [NOT_KNOWN if error is None else error.rms for error in errors]
 
 
 def p95_of(errors: Sequence[Optional[Error]]) -> List[float]:
     """Return what errors are expected to be within in 95 %, as a message has it."""
-    return [math.nan if error is None or error.p95 is None else error.p95 for error in errors]
+    return [NOT_KNOWN if error is None or error.p95 is None else error.p95 for error in errors]
 
 
 def _error(message: msg.Signal) -> Optional[Error]:
