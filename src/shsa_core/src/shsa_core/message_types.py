@@ -8,7 +8,6 @@ import os
 import re
 import sys
 from importlib.machinery import PathFinder
-from importlib.util import find_spec
 from typing import Any, Dict, List, Mapping
 
 from shsa_core.errors import ShsaError
@@ -19,7 +18,11 @@ _NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]{0,99})/([A-Za-z][A-Za-z0-9_]{0,99})")
 
 def available() -> bool:
     """Return whether message types can be looked up here."""
-    return find_spec("genpy") is not None
+    try:
+        importlib.import_module("genpy.message")
+    except ImportError:
+        return False
+    return True
 
 
 def message_class(name: str) -> Any:

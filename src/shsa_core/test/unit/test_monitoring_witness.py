@@ -158,7 +158,9 @@ def test_what_was_learned_outlives_a_change_of_an_inputs_numbers(ontology: Ontol
     robot.hear(SomChanged(robot.now, Som([service("current"), slower])))
     robot.run(30.0)
     assert before and plans("current") == before
-    assert plans("current")[0].plan.inputs[0].service == slower, "by the numbers of now"
+    (followed,) = plans("current")
+    assert followed.plan.inputs[0].service == slower, "by the numbers of now"
+    assert followed.outputs[0].derivation.inputs[0].source.service == slower  # type: ignore
 
 
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:

@@ -224,6 +224,16 @@ def test_a_node_that_may_be_silent_is_not_ended_because_a_link_was_cut() -> None
     assert only(robot.handle(events.Tick(70.0)), events.RestartNode).node == A
 
 
+def test_an_event_driven_node_that_nobody_has_met_is_looked_for_and_started() -> None:
+    """As where it has ended while the monitor was away."""
+    first, *others = som("restart").services.values()
+    robot = Robot(Som([replace(first, period=None), *others]))
+    robot.fail("/a", A, 10.0, "never_published")
+    robot.handle(events.Tick(15.0))
+    robot.handle(events.NodeFound(15.1, A, events.Where.NOWHERE))
+    assert only(robot.handle(events.Tick(25.0)), events.RestartNode).node == A
+
+
 def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
     robot = Robot(som("restart"))
     robot.fail("/a", A, 10.0)

@@ -150,7 +150,7 @@ def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
 ) -> Tuple[bool, float, float]:
     """Return what orders it: known errors first; another service of none goes by its quality."""
-    baseline = predictor.baselines.get(derivation.property)
+    baseline = predictor.baseline(derivation.property)
     if error is None:
         source = derivation.source
         return source is None, 0.0 if source is None else 1.0 - source.quality, 0.0

@@ -4,7 +4,6 @@ By first-order propagation (JCGM 100:2008, 5.1 and 5.2): each error of a service
 goes on with the derivatives of the relations behind it. What has one cause is added with its sign
 before it is squared, biases as well. docs/explanation/errors.md has the assumptions.
 """
-from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from math import isnan, nan, sqrt
@@ -76,17 +75,18 @@ class Predictor:
         self._usual: Dict[str, Error] = {}
         self._best: Dict[str, float] = {}  # the highest quality of a property's services
         self._ranges: Dict[str, Tuple[float, float]] = {}
-        self.baselines: Dict[str, float] = {}  # the RMS errors of always saying a property's mean
-        self._steps: Dict[TransferFunction, Optional[Step]] = {}
+        self._baselines: Dict[str, float] = {}
+        self._steps: Dict[int, Optional[Step]] = {}  # by function
+        self._functions: Dict[int, Optional[TransferFunction]] = {}  # they live on, with their ids
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
         self._parts: Dict[int, Optional[_Part]] = {}  # by such a number
-        self._values: Dict[int, Values] = {}
+        self._values: Dict[int, Optional[Values]] = {}
         self._measured: Mapping[str, Error] = {}
         self.fusions: Sequence[Fusion] = ()
         known = [(each.property, each.provision.error) for each in sources]
         for name, error in [*((each.output, each.error) for each in ontology.functions), *known]:
             if error is not None and error.baseline is not None:
-                self.baselines[name] = max(error.baseline, self.baselines.get(name, 0.0))
+                self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
         for source in sources:
             name, error = source.property, source.provision.error
             self._best[name] = max(source.quality, self._best.get(name, 0.0))
@@ -98,6 +98,10 @@ class Predictor:
             if property_.usual is not None:
                 self._ranges[name] = property_.usual
 
+    def baseline(self, name: str) -> Optional[float]:
+        """Return the RMS error of always saying the mean of a property; None: not known."""
+        return self._baselines.get(name)
+
     def knowing(self, measured: Mapping[str, Error], fusions: Sequence[Fusion] = ()) -> "Predictor":
         """Return it with errors that were `measured`, by their `way`, and proven fusions."""
         found = copy(self)
@@ -107,7 +111,7 @@ class Predictor:
     def measured(self, derivation: Derivation) -> Optional[Error]:
         """Return the error of a derivation that was measured; None: it was not."""
         found = self._measured.get(way(derivation)) if self._measured else None
-        return found and replace(found, baseline=self.baselines.get(derivation.property))
+        return found and replace(found, baseline=self.baseline(derivation.property))
 
     def of(self, derivations: Sequence[Derivation]) -> List[Optional[Error]]:
         """Return the error of each derivation as measured, else as expected; None: not known."""
@@ -130,7 +134,8 @@ class Predictor:
         """Return the numbers of a derivation and its parts, inputs first."""
         numbers: Dict[Derivation, int] = {}
         for node in in_order([derivation]):
-            way: Tuple[object, ...] = node.function, *(numbers[each] for each in node.inputs)
+            way: Tuple[object, ...] = id(node.function), *(numbers[each] for each in node.inputs)
+            self._functions[id(node.function)] = node.function
             if node.source is not None:
                 way = node.source.service.name, node.property
             numbers[node] = self._numbers.setdefault(way, len(self._numbers))
@@ -144,7 +149,7 @@ class Predictor:
         part = self._parts[numbers[derivation]]
         if part is None:
             return None
-        baseline = self.baselines.get(derivation.property)
+        baseline = self.baseline(derivation.property)
         if part.told is not None:
             told = part.told
             baseline = told.baseline or baseline
@@ -203,50 +208,61 @@ class Predictor:
     ) -> Optional[List[Values]]:
         """Return how a result changes with each input, by differences as wide as its error."""
         step = self._step(node.function)
-        if step is None:
+        columns = self._columns(node, numbers)
+        if step is None or columns is None:
             return None
-        rows = self._rows(node, numbers)
+        rows = list(zip(*columns))
         slopes: List[Values] = []
         for number, part in enumerate(added):
             if part.is_none:
                 slopes.append(_ZERO)
                 continue
-            sizes = [abs(x[number]) for x in rows if not isnan(x[number])]
+            sizes = [abs(value) for value in columns[number] if not isnan(value)]
             least = SMALLEST_STEP * (max(sizes, default=0.0) or 1.0)
             widths = (max(least, sqrt(square)) for square in part.squares())
             slopes.append([_slope(step, x, number, width) for x, width in zip(rows, widths)])
         return slopes
 
-    def _rows(self, node: Derivation, numbers: Mapping[Derivation, int]) -> List[Values]:
-        def rows_of(part: Derivation) -> List[Values]:
-            columns = [self._values[numbers[each]] for each in part.inputs]
-            return list(zip(*columns)) if columns else [()] * POINTS
-
+    def _columns(
+        self, node: Derivation, numbers: Mapping[Derivation, int]
+    ) -> Optional[List[Values]]:
+        """Return the true values of a function's inputs at each point; None: not known."""
         for part in in_order(node.inputs):
             if numbers[part] not in self._values:
-                step = self._step(part.function)
-                values = [] if step is None else [_value(step, x) for x in rows_of(part)]
-                unknown = all(map(isnan, values))
-                self._values[numbers[part]] = self._points(part.property) if unknown else values
-        return rows_of(node)
+                step, columns = self._step(part.function), self._known(part, numbers)
+                values = self._points(part.property)
+                if step is not None and columns is not None:
+                    rows = zip(*columns) if columns else [()] * POINTS
+                    values = [_value(step, x) for x in rows]
+                self._values[numbers[part]] = values
+        return self._known(node, numbers)
 
-    def _points(self, name: str) -> Values:
-        """Return values that a property usually has, spread evenly."""
-        low, high = self._ranges.get(name, (nan, nan))
+    def _known(self, node: Derivation, numbers: Mapping[Derivation, int]) -> Optional[List[Values]]:
+        columns = [self._values[numbers[input_]] for input_ in node.inputs]
+        known = [column for column in columns if column is not None]
+        return known if len(known) == len(columns) else None
+
+    def _points(self, name: str) -> Optional[Values]:
+        """Return values that a property usually has, spread evenly; None: not known."""
+        limits = self._ranges.get(name)
+        if limits is None:
+            return None
         order = list(range(POINTS))
         Random(name).shuffle(order)  # of each property another order, and always the same
-        return [low + (high - low) * (k + 0.5) / POINTS for k in order]
+        return [limits[0] + (limits[1] - limits[0]) * (k + 0.5) / POINTS for k in order]
 
     def _step(self, function: Optional[TransferFunction]) -> Optional[Step]:
         """Return a function of inputs that stand still; None if that says nothing of it."""
         if function is None:
             return None
-        if function not in self._steps:
-            self._steps[function] = None
-            with suppress(GenerationError):
+        if id(function) not in self._steps:
+            try:
                 code = generate_function(function, self._ontology.constants).code
-                self._steps[function] = compile_steady(code, len(function.inputs), 1)
-        return self._steps[function]
+                step = compile_steady(code, len(function.inputs), 1)
+            except GenerationError:
+                step = None
+            self._steps[id(function)] = step
+        return self._steps[id(function)]
 
 
 def predictor(ontology: Ontology, sources: Iterable[Source]) -> Optional[Predictor]:

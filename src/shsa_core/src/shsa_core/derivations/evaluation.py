@@ -227,8 +227,8 @@ class Derivations:
             same = [(source.service.name, source.node) for source in each.plan.inputs] == reads
             if same and each.plan.program == plan.program:  # the same may read other nodes
                 each.plan = plan  # by the numbers of now
-                for output, stated in zip(each.outputs, plan.errors):
-                    output.stated = stated
+                for output, derivation, stated in zip(each.outputs, plan.derivations, plan.errors):
+                    output.derivation, output.stated = derivation, stated
                 return each
         gap = longest_gap(plan.outputs[0].service.period)
         program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)

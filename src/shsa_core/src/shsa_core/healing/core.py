@@ -115,9 +115,8 @@ class Core:
             return "failed"
         if service is None or not service.host or not service.event_driven:
             return ""
-        lost = self.robot.computers.lost(
-            service.host
-        )  # no silence tells of one that is due at no time
+        # No silence tells of one that is due at no time.
+        lost = self.robot.computers.lost(service.host)
         return f"{service.host} is lost: {lost}" if lost else ""
 
     def unsettle(self, names: Iterable[str]) -> None:

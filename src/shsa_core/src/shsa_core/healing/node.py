@@ -146,8 +146,9 @@ class Nodes:
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         restarted &= node in self._health.startable
-        if service.event_driven and accusation.silent:
-            restarted = False  # it lost its connection, which a link does: it need not say a thing
+        cut = accusation.kind is Kind.SILENT or bool(self._robot.host_of(node))
+        if service.event_driven and accusation.silent and cut:
+            restarted = False  # it need not say a thing: only its connection was lost, or its link
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -229,12 +230,16 @@ class Nodes:
         return row.last_good > max(row.since, self._robot.time - patience)
 
     def _outcomes(self, said: Sequence[Said]) -> List[Command]:
-        commands: List[Command] = []
+        """Note how all kills have ended before those who accuse a node hear of any."""
+        noted: List[Said] = []
         for each in said:
-            commands += self._over(each) if isinstance(each, KillOver) else [each]
+            noted += self._over(each) if isinstance(each, KillOver) else [each]
+        commands: List[Command] = []
+        for each in noted:
+            commands += self._told(each) if isinstance(each, KillOver) else [each]
         return commands
 
-    def _over(self, kill: KillOver) -> List[Command]:
+    def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
         accusations = self._accusations(node)
@@ -243,13 +248,13 @@ class Nodes:
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
             for each in accusations:
                 each.kind = Kind.SILENT
-            return self._told(kill)
+            return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
-            return self._told(kill) if news else []
+            return [kill] if news else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
@@ -257,13 +262,11 @@ class Nodes:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = fate
         if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
-            commands = self._gone(kill)
-            return [*self._told(kill), *commands]
+            return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:
-            return self._told(kill)
+            return [kill]
         self._leave_alone(node)
-        said = Log(Level.ERROR, f"{node} is not touched: {kill.detail}.")
-        return [said, *self._told(kill)]
+        return [Log(Level.ERROR, f"{node} is not touched: {kill.detail}."), kill]
 
     def _gone(self, kill: KillOver) -> List[Command]:
         """A node is gone, or could not be reached to make sure."""

@@ -42,7 +42,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
     commands: List[Command] = [Log(Level.WARN, text), ShowIncident(service.incident)]
     commands += repair.heal(service)
     if failure.kind is Kind.REQUESTED and service.accusation.kept:
-        commands += close(service, service.incident.detail)  # it goes on as it was
+        commands += leave(service)
     return commands
 
 
@@ -51,7 +51,7 @@ def replan(service: ServiceMachine, _: Failure) -> List[Command]:
     commands, incident, accused = repair.heal(service), service.incident, service.accusation
     protected = accused.kept and accused.node in service.robot.health.protected
     if incident.kind is Kind.REQUESTED and protected and incident.killed is None:
-        commands += close(service, incident.detail)
+        commands += leave(service)
     return commands
 
 
@@ -156,6 +156,11 @@ def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
     if service.state is State.WELL:
         return commands
     return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
+
+
+def leave(service: ServiceMachine) -> List[Command]:
+    """Close an incident that was asked for: the node goes on as it was."""
+    return service.substitute.rest(service.spec) + close(service, service.incident.detail)
 
 
 def close(service: ServiceMachine, why: str) -> List[Command]:

@@ -3,7 +3,6 @@
 To add one, add a row to the table, and a row to those of units and ranges in shsa_learning.
 """
 import math
-import operator
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
@@ -79,13 +78,19 @@ def clip(value: float, low: float, high: float) -> float:
 
 def dot(*pairs: float) -> float:
     """Return the sum of the products of w1, x1, w2, x2, and so on."""
-    return sum(map(operator.mul, pairs[::2], pairs[1::2]))
+    rest = iter(pairs)
+    result = next(rest) * next(rest)
+    for weight, value in zip(rest, rest):
+        result += weight * value
+    return result
 
 
 def rbf(gamma: float, *pairs: float) -> float:
     """Return exp(-gamma*((x1 - c1)² + ...)) of pairs x1, c1, x2, c2, ...; 1 where gamma is 0."""
-    distances = [value - center for value, center in zip(pairs[::2], pairs[1::2])]
-    square = sum(each * each for each in distances)
+    square = 0.0
+    rest = iter(pairs)
+    for value, center in zip(rest, rest):
+        square += (value - center) * (value - center)
     return math.exp(-gamma * square) if gamma else 1.0
 
 

@@ -379,7 +379,7 @@ class ReconfiguratorNode:
 def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """The ontology and the SOM in two files.
 
-    Raises ModelError that names every error of `shsa check` in them, or why a SOM that starts
+    Raises ModelError that names every error by which they cannot be used, or why a SOM that starts
     programs is not believed.
     """
     read_ontology, errors = load_ontology(ontology)
