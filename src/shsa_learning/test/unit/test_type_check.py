@@ -165,7 +165,7 @@ def test_a_package_that_is_broken_is_named(tmp_path: pathlib.Path, monkeypatch: 
 
 
 def test_without_ros_there_are_no_types(monkeypatch: Any) -> None:
-    monkeypatch.setitem(sys.modules, "genpy", None)
+    monkeypatch.setitem(sys.modules, "genpy.message", None)
     assert not message_types.available()
 
 

@@ -146,9 +146,9 @@ class Nodes:
         before = accusation.decision if was_kept else ""
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         restarted &= node in self._health.startable
-        cut = accusation.kind is Kind.SILENT or bool(self._robot.host_of(node))
-        if service.event_driven and accusation.silent and cut:
-            restarted = False  # it need not say a thing: only its connection was lost, or its link
+        if service.event_driven and accusation.silent:
+            cut = accusation.kind is Kind.SILENT or bool(self._robot.host_of(node))
+            restarted &= not cut  # it need not say a thing: only a connection was lost, or a link
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
