@@ -8,6 +8,7 @@ from graph import Graph
 from reliability.rig import DEADLINE_S, NODES, PERIOD_S, Rig
 from reliability.scoreboard import Figures, Line, Mark, Trial
 from reliability.trying import attempt, each
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_testing.graph import publishers
 from shsa_testing.healing import moment_of
 from shsa_testing.waiting import wait_until
@@ -27,8 +28,8 @@ def crash(rig: Rig, rng: random.Random) -> Figures:
 
 
 def hang(rig: Rig, rng: random.Random) -> Figures:
-    """SIGSTOP of the hot topic's node, which wakes up afterwards."""
-    time.sleep(rng.random() * PERIOD_S)
+    """SIGSTOP of the hot topic's node, which wakes up afterwards; nobody has just come up."""
+    time.sleep(2 * CHANGEOVER_S + rng.random() * PERIOD_S)
     failed = rig.hang("/first")
     incident = rig.await_healed("/a", failed)
     wait_until(lambda: rig.nodes["/first"].poll() is not None, 5.0, "it is killed")
