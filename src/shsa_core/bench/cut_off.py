@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from bisect import bisect
+from collections import Counter
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Set, Tuple
 
@@ -155,10 +156,10 @@ def spoken_beside(heard: List[Heard], original: str) -> List[Heard]:
     return [e for e in others if any(0.0 <= e.sent - at < PERIOD_S for at in last(e))]
 
 
-def publishers(heard: List[Heard], original: str, since: float) -> Set[str]:
-    """Return who publishes since a moment, but for those that only fill in."""
-    told = spoken_beside(heard, original) + [each for each in heard if each.node == original]
-    return {each.node for each in told if each.at > since}
+def publishers(heard: List[Heard], since: float) -> Set[str]:
+    """Return who goes on publishing since a moment; others fill in for what their link holds up."""
+    counts = Counter(each.node for each in heard if each.at > since)
+    return {node for node, count in counts.items() if count > QUIET_S / PERIOD_S / 2}
 
 
 def figures(heard: List[Heard], original: str, down: float, up: float) -> Dict[str, float]:
@@ -209,7 +210,7 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
         alone = True
         for heard, topic in ((there.heard, NEAR), (here.heard, FIRST), (beside.heard, NEAR)):
             original = ORIGINALS[topic]
-            alone = alone and publishers(heard, original, since) == {original}
+            alone = alone and publishers(heard, since) == {original}
         return alone and all(not row.publishing for row in healing.substitutions)
 
     wait_until(settled, HEALED_S, "one publisher each")
@@ -225,7 +226,7 @@ def measure(graph: Graph, far: Computer, seconds: float, restart: bool) -> objec
     )
     for name, heard, topic in consumers:
         found[name] = figures(heard, ORIGINALS[topic], down, up)
-        after[name] = sorted(publishers(heard, ORIGINALS[topic], end - QUIET_S))
+        after[name] = sorted(publishers(heard, end - QUIET_S))
         late += sum(each.age > LATE_S for each in heard if each.at > up)
     found.update(after=after, late=late)
     found["spared"] = all(each.poll() is None for each in originals)

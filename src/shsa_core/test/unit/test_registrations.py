@@ -15,6 +15,7 @@ from shsa_core.analysis.registrations import (
     read_pairs,
     to_ask,
     to_register,
+    to_tell,
     together,
 )
 
@@ -58,6 +59,16 @@ def test_all_that_was_known_is_registered_and_publishers_come_first() -> None:
         Registration(Part.SUBSCRIBER, "/b", "/y", "t/Y", B),
     ]
     assert not to_ask(KNOWN, KNOWN) and not to_register(KNOWN, KNOWN, SAID)
+
+
+@pytest.mark.parametrize("uris, told", [([], False), ([A], False), ([A, "http://new:1/"], True)])
+def test_subscribers_are_told_of_who_came_up_while_they_were_asked(
+    uris: List[str], told: bool
+) -> None:
+    """The master tells those whom it knows, and that publisher was not there yet as it was read."""
+    subscriber = Registration(Part.SUBSCRIBER, "/b", "/x", "t/X", B)
+    found = list(to_tell([(subscriber, uris)], KNOWN, NOTHING, {"/a", "/b"}))
+    assert found == ([([B], "/x", uris)] if told else [])
 
 
 def test_who_does_not_answer_is_not_registered() -> None:

@@ -132,11 +132,13 @@ def to_tell(
     registered that was; roscpp drops those publishers that it is not told of.
     """
     offered = {topic for topic, _ in now.parts[Part.PUBLISHER]}
-    awaited = known.nodes.keys() - settled
     for each, uris in new:
-        if each.part is Part.SUBSCRIBER and each.name in offered and isinstance(uris, list):
-            pairs = known.parts[Part.PUBLISHER]
-            later = {known.nodes[n] for topic, n in pairs if topic == each.name and n in awaited}
+        if each.part is not Part.SUBSCRIBER or not isinstance(uris, list):
+            continue
+        nodes = {node for topic, node in known.parts[Part.PUBLISHER] if topic == each.name}
+        former = {node: uri for node, uri in known.nodes.items() if node in nodes}
+        if each.name in offered or not {*uris} <= {*former.values()}:  # one came up meanwhile
+            later = {uri for node, uri in former.items() if node not in settled}
             yield [each.uri], each.name, sorted(later.union(uris))
 
 
