@@ -4,6 +4,7 @@ Nothing is made up: what is registered again is what the master said itself, and
 it said it of says still. A node that has registered anew meanwhile is left as it is.
 """
 import re
+from collections import defaultdict
 from typing import Any, Collection, Dict, FrozenSet, Iterable, Iterator, List, Mapping
 from typing import NamedTuple, Set, Tuple
 
@@ -132,14 +133,17 @@ def to_tell(
     registered that was; roscpp drops those publishers that it is not told of.
     """
     offered = {topic for topic, _ in now.parts[Part.PUBLISHER]}
+    former: Dict[str, Set[str]] = defaultdict(set)
+    later: Dict[str, Set[str]] = defaultdict(set)
+    for topic, node in known.parts[Part.PUBLISHER]:
+        uri = known.nodes.get(node)
+        former[topic].update([uri] if uri else ())
+        later[topic].update([uri] if uri and node not in settled else ())
     for each, uris in new:
-        if each.part is not Part.SUBSCRIBER or not isinstance(uris, list):
-            continue
-        nodes = {node for topic, node in known.parts[Part.PUBLISHER] if topic == each.name}
-        former = {node: uri for node, uri in known.nodes.items() if node in nodes}
-        if each.name in offered or not {*uris} <= {*former.values()}:  # one came up meanwhile
-            later = {uri for node, uri in former.items() if node not in settled}
-            yield [each.uri], each.name, sorted(later.union(uris))
+        if each.part is Part.SUBSCRIBER and isinstance(uris, list):
+            # Or one came up meanwhile.
+            if each.name in offered or not former[each.name].issuperset(uris):
+                yield [each.uri], each.name, sorted(later[each.name].union(uris))
 
 
 def missing_parameters(
