@@ -22,19 +22,22 @@ LINES: Dict[int, Line] = {
     for part in (publishers, found, watched, healers, platform, claims, limits)
     for line in part.LINES
 }
+BUSY = "while True: pass"
 COLUMNS = ("#", "fault", "trials", "held", "fails at most", "median / p95 / max", "verdict")
 
 
-def work(number: int, seeds: Sequence[int]) -> None:
+def work(number: int, seeds: Sequence[int], busy: int) -> None:
     """Make the trials of one line in this process; print a JSON line each."""
     with Graph() as graph:
+        for _ in range(busy):
+            graph.start(sys.executable, "-c", BUSY)
         for trial in LINES[number].trials(graph, seeds):
             print(json.dumps(asdict(trial)), flush=True)
 
 
-def run(line: Line, seeds: List[int], record: Record) -> None:
-    """Make the trials of a line in a process of their own."""
-    words = [str(line.number), "--seeds", *map(str, seeds)]
+def run(line: Line, seeds: List[int], busy: int, record: Record) -> None:
+    """Make the trials of a line in a process of their own, beside so many busy ones."""
+    words = [str(line.number), "--busy", str(busy), "--seeds", *map(str, seeds)]
     command = [sys.executable, "-m", "reliability", "--work", *words]
     progress = tqdm(total=len(seeds), desc=f"{line.number}: {line.fault}"[:40], disable=None)
     with subprocess.Popen(command, stdout=subprocess.PIPE, universal_newlines=True) as process:
@@ -78,12 +81,13 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=0, help="the first trial's; the next ones follow"
     )
+    parser.add_argument("--busy", type=int, default=0, help="processes that compute meanwhile")
     parser.add_argument("--results", type=Path, default=Path("results/reliability"))
     parser.add_argument("--work", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--seeds", type=int, nargs="*", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work is not None:
-        work(options.work, options.seeds)
+        work(options.work, options.seeds, options.busy)
         return 0
     unknown = sorted(set(options.lines) - set(LINES))
     if unknown:
@@ -100,7 +104,7 @@ def main() -> int:
         count = options.trials or (line.short if options.short else line.full)
         seeds = record.missing(line.number, range(options.seed, options.seed + count))
         if seeds:
-            run(line, seeds, record)
+            run(line, seeds, options.busy, record)
     verdicts = [judge(line, record.trials, marks=not options.short) for line in chosen]
     show(verdicts)
     document = [{**asdict(each), "holds": each.good} for each in verdicts]

@@ -10,7 +10,7 @@ from shsa_msgs.msg import Failure, Health, Substitution, Substitutions
 
 from graph import FAULTY_PUBLISHER, PATIENCE_S, Graph
 from reliability.publishers import TIRELESS
-from reliability.rig import NODES, Rig
+from reliability.rig import NODES, STRANGER, Rig
 from reliability.scoreboard import Figures, Line, Trial
 from reliability.trying import each
 from shsa_testing.graph import node_pid, node_process
@@ -147,7 +147,7 @@ def shout(topic: str, message: object) -> None:
 
 def spoof(rig: Rig, rng: random.Random) -> None:
     """Publish nonsense on the topic for a while, or until healing ends it: that may be sooner."""
-    name = f"stranger_{rng.randrange(10**6)}"
+    name = f"{STRANGER[1:]}{rng.randrange(10**6)}"
     arguments = ["_topic:=/a", "_value:=1000.0", "_period:=0.02", f"__name:={name}"]
     begun = time.monotonic()
     process = rig.graph.python(FAULTY_PUBLISHER, *arguments)
