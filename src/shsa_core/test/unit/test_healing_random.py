@@ -203,6 +203,7 @@ class AnyRobot(RuleBasedStateMachine):
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=healing.yields,
+                    provider=service.node,
                     bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows

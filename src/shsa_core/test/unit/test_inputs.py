@@ -224,6 +224,16 @@ def test_others_on_a_topic_are_heard(bench: Bench) -> None:
     assert not bench.inputs.stands("/out", "/another")
 
 
+def test_a_strangers_message_is_not_kept(bench: Bench) -> None:
+    bench.inputs.overhear("/out", "std_msgs/Float64", ORIGINAL)
+    original, stranger = bench.connect("/out", ORIGINAL), bench.connect("/out", "/stranger")
+    for who, value in ((original, 1.0), (stranger, 1000.0)):
+        say(who, Float64(value))
+        assert bench.is_woken()
+        assert len(bench.take()) == 1
+    assert Float64().deserialize(bench.inputs.last("/out")).data == 1.0
+
+
 def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
     bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
     original = bench.connect("/out", ORIGINAL, Float64Stamped)

@@ -67,6 +67,12 @@ class Robot:
         self.driver.time = time
         return self
 
+    def stranger_speaks(self, at: float) -> "Robot":
+        """A node publishes that the SOM does not name."""
+        self.to(at)
+        self._note(self.driver.tell(events.OtherHeard, "/out", "/stranger", 3))
+        return self
+
     def speaks(self, at: float, topic: str = "/out") -> "Robot":
         """The original publishes."""
         self.to(at)
@@ -295,6 +301,13 @@ def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_fille
     assert robot.looks == []
     robot.to(1.0 + CHANGEOVER_S + 0.1)
     assert robot.filled
+
+
+def test_a_stranger_is_not_filled_in_for_and_stands_in_nobodys_way() -> None:
+    robot = Robot(replace(bridges(), provider="/original")).stream(1.0).stranger_speaks(1.001)
+    assert robot.gone(1.002, "/stranger").to(1.01).filled == []
+    robot.stranger_speaks(1.03).stranger_speaks(1.04).to(1.2)
+    assert 0 < len(robot.filled) and robot.filled[0] <= 1.0 + BRIDGE + LOOK
 
 
 def test_it_starts_from_what_the_original_said_last() -> None:

@@ -27,7 +27,8 @@ class Substitution:
     """One row of the table; see shsa_msgs/Substitution.
 
     `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
-    for, once that is gone. `others`: what it writes into the fields that it does not compute;
+    for, once that is gone. `provider`: the node of the service in the SOM; empty: whoever is heard
+    counts as that. `others`: what it writes into the fields that it does not compute;
     `last_message`: the last good message of the service, serialized; empty: not known. An idle
     process has neither `service` nor `code`. `host`: the computer that it runs on, empty: the
     reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
@@ -57,6 +58,7 @@ class Substitution:
     gated: bool = False
     shared: bool = False
     template: bytes = b""
+    provider: str = ""
 
     @property
     def idle(self) -> bool:

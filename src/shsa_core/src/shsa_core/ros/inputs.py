@@ -32,7 +32,7 @@ class Inputs:
         self._types: Dict[str, str] = {}
         self._fields: Dict[str, Tuple[str, ...]] = {}
         self._read: Set[str] = set()
-        self._overheard: Set[str] = set()
+        self._overheard: Dict[str, str] = {}  # by topic: whose message is kept
         self._newest: Dict[Tuple[str, str], Arrived] = {}
         self._last: Dict[str, bytes] = {}
 
@@ -57,9 +57,9 @@ class Inputs:
             self._fields[signal.topic] = (*fields, signal.field)
         self._subscribe(signal.topic, signal.type)
 
-    def overhear(self, topic: str, kind: str) -> None:
-        """Hear what others publish on a topic."""
-        self._overheard.add(topic)
+    def overhear(self, topic: str, kind: str, provider: str = "") -> None:
+        """Hear what others publish on a topic; keep the last message of one, or of any."""
+        self._overheard[topic] = provider
         self._subscribe(topic, kind)
         self._inbox.put(None)
 
@@ -103,7 +103,7 @@ class Inputs:
             priority.set_all(priority.HURRIES if hurries else self._rests)
 
     def last(self, topic: str) -> bytes:
-        """Return the last message of another one on a topic, serialized; empty: there is none."""
+        """Return the last message that was kept on a topic, serialized; empty: there is none."""
         return self._last.get(topic, b"")
 
     def stands(self, topic: str, publisher: str) -> bool:
@@ -132,7 +132,8 @@ class Inputs:
         decoder = connection.decoder(self._types[topic], self._fields.get(topic, ()))
         if decoder is None:
             return []
-        self._last[topic] = data
+        if self._overheard[topic] in ("", connection.publisher):
+            self._last[topic] = data
         stamped = min(stamp(data), ros_time) if decoder.has_stamp else 0
         return [OtherHeard(time, topic, connection.publisher, stamped)]
 

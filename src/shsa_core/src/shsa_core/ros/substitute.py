@@ -77,7 +77,7 @@ class SubstituteNode:
             {
                 events.Listen: self._listen,
                 events.Overhear: lambda c: self._registrations.put(
-                    c.topic, lambda: self._inputs.overhear(c.topic, c.type)
+                    c.topic, lambda: self._inputs.overhear(c.topic, c.type, c.provider)
                 ),
                 events.Advertise: lambda c: self._registrations.put(
                     c.topic, lambda: self._outputs.advertise(c.topic, c.type, c.latched)

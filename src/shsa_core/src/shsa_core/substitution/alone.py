@@ -59,7 +59,8 @@ class Alone:
         if event.time < takes:
             self.look = listens if event.time < listens else takes
             heed = self._gone if event.time >= listens else ()
-            return [events.Overhear(topic, ours[topic].outputs[0].type) for topic in heed]
+            rows = ((topic, ours[topic]) for topic in heed)
+            return [events.Overhear(t, row.outputs[0].type, row.provider) for t, row in rows]
         topic, first = self._gone.popitem()
         row = replace(ours[topic], node=idle.node, publishing=True, yields=True)
         self.idle, self._taken = idle, replace(row, last_message=first.last_message)

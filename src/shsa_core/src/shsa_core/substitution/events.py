@@ -179,10 +179,14 @@ class Listen(Act):
 
 @dataclass(frozen=True)
 class Overhear(Act):
-    """Tell from now on of others who publish on a topic (OtherHeard), and are gone (OtherGone)."""
+    """Tell from now on of others who publish on a topic (OtherHeard), and are gone (OtherGone).
+
+    Keep the newest message of the `provider`; empty: of whoever is heard.
+    """
 
     topic: str
     type: str
+    provider: str = ""
 
 
 @dataclass(frozen=True)
@@ -210,7 +214,7 @@ class Compose(Act):
     written: Tuple[Tuple[str, Optional[float]], ...]  # what is computed, and its standard deviation
     others: Others = Others.UNKNOWN  # what stands in the other fields
     last_message: bytes = b""
-    overheard: bool = False  # they start from the newest message of somebody else, if any
+    overheard: bool = False  # they start from the newest message that is kept, if any
 
 
 @dataclass(frozen=True)

@@ -133,10 +133,11 @@ class Substitute:
         plans = self._plans.values()
         commands = self._prepare((row, *plans)) if row.idle else self._work(row, computed)
         job = self._job
-        before = others.topic
+        before = others.topic, others.provider
         others.follow(row, "" if job is None else job.topic, job is not None and not job.integrates)
-        if others.topic not in ("", before):
-            commands.append(events.Overhear(others.topic, self._types[others.topic]))
+        if others.topic and (others.topic, others.provider) != before:
+            kind = self._types[others.topic]
+            commands.append(events.Overhear(others.topic, kind, others.provider))
         self._take_up_voice(by_row=True)
         if last is not None and job is not None:
             if another_message or not publishes or job.unstarted:

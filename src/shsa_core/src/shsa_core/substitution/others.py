@@ -22,7 +22,7 @@ class OtherPublishers:
     """
 
     def __init__(self, sources: Callable[[], Tuple[str, ...]]) -> None:
-        self.topic = ""
+        self.topic = self.provider = ""
         self.heard, self.last = Heard.NOBODY, OtherHeard(-math.inf, "")
         self.original = Original.LOST
         self.heals = False  # beyond a cut the substitute may decide by itself
@@ -53,6 +53,7 @@ class OtherPublishers:
             self.topic, self.heard, self._since = listened, Heard.NOBODY, self._watch.now
         if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
+        self.provider = row.provider
         deadline = row.outputs[0].deadline if row.outputs and listens else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
@@ -75,10 +76,12 @@ class OtherPublishers:
             self.heard = Heard.SILENCE
 
     def hear(self, event: OtherHeard) -> None:
-        """Somebody else has published."""
+        """Somebody else has published; a stranger is nobody to fill in for."""
         if not self.topic or event.topic != self.topic:
             return
         rival = self._yields or self.heals and (self.cut or self.heard is Heard.RIVAL)
+        if not rival and not self.heals and self.provider not in ("", event.publisher):
+            return
         self.heard = Heard.RIVAL if rival else Heard.ANOTHER
         self._note_pace(self._watch.passed(self._since))
         self.last, self._since, self._read = event, self._watch.now, self._sources()
