@@ -21,7 +21,7 @@ def ended() -> Iterator[None]:
         NODES.pop().end()
 
 
-def node(otherwise: Send, **answers: Send) -> str:
+def node(otherwise: Send, **answers: Any) -> str:
     NODES.append(StrangeNode(otherwise, **answers))
     return NODES[-1].uri
 
