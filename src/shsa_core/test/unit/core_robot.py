@@ -1,4 +1,5 @@
 """A reconfigurator between a table that the test writes and the commands that it gives."""
+from dataclasses import replace
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
 
 from shsa_core.healing import events
@@ -36,6 +37,18 @@ ONTOLOGY = Ontology(
     functions=[function("good", "a", "b + 1", 0.9), function("poor", "a", "2 * c", 0.5)],
 )
 SOM = Som([service("a", A, needed=True), service("b", B), service("c", C)])
+SHARED = Som([service("a", A, needed=True), service("d", A, needed=True), service("b", B)])
+WITH_D = Ontology(
+    properties={name: Property(name) for name in "abcd"},
+    constants={},
+    functions=[*ONTOLOGY.functions],
+)
+BOTH = replace(WITH_D, functions=[*ONTOLOGY.functions, function("d_by_b", "d", "b", 0.9)])
+
+
+def changed(som: Som, name: str, **changes: Any) -> Som:
+    """Return a SOM in which the service of that name is different."""
+    return som.with_services(replace(e, **changes) if e.name == name else e for e in som)
 
 
 class Robot:
@@ -126,6 +139,16 @@ class Robot:
         """The monitor is connected to a process that has published nothing yet."""
         self.row(topic, node, "unknown", time)
         self.table(time)
+
+    def back(self, time: float) -> List[events.Command]:
+        """The original of /a publishes again."""
+        self.row("/a", A, "healthy", time)
+        return self.table(time)
+
+    def heard(self, node: str, time: float) -> List[events.Command]:
+        """The first message of a substitute of /a arrives."""
+        self.row("/a", node, "healthy", time, first=time)
+        return self.table(time)
 
     def working(self) -> List[Substitution]:
         """The rows of the substitutes that have a program."""

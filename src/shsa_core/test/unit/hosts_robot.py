@@ -68,11 +68,6 @@ def silent(robot: Robot, time: float, node: str = A) -> List[events.Command]:
     return robot.failure("/a", node, time, "silent", "no message for 0.25 s.", time - 0.25)
 
 
-def back(robot: Robot, time: float) -> List[events.Command]:
-    robot.row("/a", A, "healthy", time)
-    return robot.table(time)
-
-
 def cut(robot: Robot, time: float) -> None:
     """The Pi is cut off: A is silent, it is taken over, and then the loss is known."""
     silent(robot, time + 0.25)

@@ -1,4 +1,4 @@
-"""Containment: the rows of docs/explanation/killing.md, as decisions and on a robot."""
+"""Containment: which faulty nodes are killed, which are kept, and when it is judged again."""
 from dataclasses import replace
 from typing import Any, Dict, List
 
@@ -7,10 +7,14 @@ import pytest
 from core_robot import (
     A,
     B,
+    BOTH,
     C,
     ONTOLOGY,
+    SHARED,
     SOM,
+    WITH_D,
     Robot,
+    changed,
     function,
     has,
     last_incident,
@@ -20,7 +24,6 @@ from core_robot import (
     service,
 )
 from shsa_core.healing import events
-from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
@@ -30,73 +33,6 @@ from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
 from shsa_core.model.service import LastResort, Provision, Service
 from shsa_core.model.som import Som
-
-WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
-ROWS: List[Any] = [
-    # Everything that is lost is taken over.
-    (WRONG, {"replaced": True}, True, "what is needed of it is taken over"),
-    (SILENT, {"replaced": True}, False, "it may speak again, and ending it would gain nothing"),
-    (Kind.REQUESTED, {"replaced": True}, True, "what is needed of it is taken over"),
-    (WRONG, {"replaced": True, "useful": ("/x",)}, True, "what is needed of it is taken over"),
-    # Something needed is lost for good.
-    (WRONG, {"replaced": True, "costs": ("/x",)}, False, "would cost /x, which nothing can"),
-    (WRONG, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
-    (WRONG, {"costs": ("/x", "/y", "/z")}, False, "would cost /x, /y and /z, which"),
-    (WRONG, {"duties": ("takes /x",), "replaced": True}, False, "it takes /x, which nothing takes"),
-    # Nothing takes the failed topic over.
-    (WRONG, {}, True, "it publishes nothing else that is good"),
-    (WRONG, {"useful": ("/x",)}, False, "nothing can replace /a, and it still publishes /x"),
-    (Kind.NEVER_PUBLISHED, {}, False, "it may speak again, and ending it would gain nothing"),
-    (Kind.NODE_GONE, {}, False, "nothing can replace /a"),
-    (Kind.REQUESTED, {}, False, "nothing can replace /a"),
-    # Nobody knows whether the node or the SOM is wrong.
-    (WRONG, {"was_good": False}, False, "/a was never good: it may not be ready yet, or the SOM"),
-    (Kind.NOT_A_NUMBER, {"was_good": False, "replaced": True}, False, "/a was never good"),
-    (WRONG, {"was_good": False, "contain": Contain.NODE}, True, "the SOM says so of /a"),
-    (WRONG, {"was_good": False, "restarted": True}, True, "its policy is to start it again"),
-    # The SOM, the policy and the process decide otherwise.
-    (WRONG, {"contain": Contain.NODE, "costs": ("/x",)}, True, "the SOM says so of /a"),
-    (SILENT, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
-    (SILENT, {"restarted": True}, True, "if it stays silent: its policy is to start it again"),
-    (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
-    (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
-    # Its settings may be other ones.
-    (Kind.FRAME, {"replaced": True, "restarted": True}, False, "its settings may have been"),
-    (Kind.LENGTH, {"gated": True}, False, "its settings may have been changed"),
-    (Kind.LENGTH, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
-    # A gate stands between it and the consumers.
-    (WRONG, {"gated": True, "replaced": True}, False, "a gate keeps from consumers what it"),
-    (WRONG, {"gated": True, "contain": Contain.NODE}, True, "the SOM says so of /a"),
-    (SILENT, {"gated": True, "replaced": True}, False, "it may speak again, and ending it"),
-    (Kind.NODE_GONE, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
-    (Kind.REQUESTED, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
-    (WRONG, {"protected": "it is P", "replaced": True}, False, "/n is kept: it is P"),
-    (WRONG, {"protected": "it is P", "restarted": True}, False, "/n is kept: it is P"),
-    (WRONG, {"protected": "it is P", "contain": Contain.NODE}, True, "the SOM says so of /a"),
-]
-
-
-@pytest.mark.parametrize("kind, known, kill, why", ROWS)
-def test_a_row_of_the_table(kind: Kind, known: Dict[str, Any], kill: bool, why: str) -> None:
-    verdict = decide(Charge("/n", "/a", kind, **known))
-    assert verdict.kill is kill and why in verdict.why
-    gone = kind is Kind.NODE_GONE
-    does = ("ended", "left alone") if gone else ("killed", "kept")
-    end = " if it still runs: " if gone else ""
-    assert verdict.why.startswith(f"/n is {does[0] if kill else does[1]}{end}")
-
-
-SHARED = Som([service("a", A, needed=True), service("d", A, needed=True), service("b", B)])
-WITH_D = Ontology(
-    properties={name: Property(name) for name in "abcd"},
-    constants={},
-    functions=[*ONTOLOGY.functions],
-)
-BOTH = replace(WITH_D, functions=[*ONTOLOGY.functions, function("d_by_b", "d", "b", 0.9)])
-
-
-def changed(som: Som, name: str, **changes: Any) -> Som:
-    return som.with_services(replace(e, **changes) if e.name == name else e for e in som)
 
 
 def test_a_wrong_node_that_gives_what_nothing_replaces_is_kept_and_only_advised_on() -> None:
@@ -157,30 +93,16 @@ def test_a_node_that_was_never_good_is_kept_though_it_could_be_replaced() -> Non
     commands = robot.failure("/a", A, 10.0, "not_a_number", "a is nan.", None)
     assert not has(commands, events.FindNode) and not has(commands, events.StartSubstitute)
     assert last_incident(commands).state is State.KEPT
-    robot.row("/a", A, "healthy", 12.0)
-    assert last_incident(robot.table(12.0)).state is State.RETURNING
+    assert last_incident(robot.back(12.0)).state is State.RETURNING
 
 
 def test_a_node_that_was_good_once_is_killed_though_it_is_started_again_and_never_good() -> None:
     robot = never_good()
-    robot.row("/a", A, "healthy", 9.0)
-    robot.table(9.0)
+    robot.back(9.0)
     robot.rows.pop(("/a", A))
     robot.table(9.5)
     commands = robot.failure("/a", A, 10.0, "not_a_number", "a is nan.", None)
     assert only(commands, events.FindNode).node == A
-
-
-def test_it_is_killed_if_the_rest_of_it_is_not_needed() -> None:
-    robot = Robot(changed(SHARED, "d", needed=False), WITH_D)
-    assert has(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode)
-
-
-def test_several_topics_that_fail_together_are_one_kill() -> None:
-    robot = Robot(SHARED, BOTH)
-    robot.fail("/a", A, 10.0, "out_of_range")
-    robot.fail("/d", A, 10.01, "out_of_range")
-    assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
 
 
 @pytest.mark.parametrize(
@@ -237,14 +159,16 @@ def test_a_kept_node_is_judged_again_after_the_retry_pause_and_says_nothing_new_
 def test_a_kept_node_that_is_well_again_ends_the_incident() -> None:
     robot = Robot(SHARED, WITH_D)
     robot.fail("/a", A, 10.0, "out_of_range")
-    robot.row("/a", A, "healthy", 11.0)
-    assert last_incident(robot.table(11.0)).state is State.RETURNING
+    assert last_incident(robot.back(11.0)).state is State.RETURNING
     assert last_incident(robot.handle(events.Tick(13.1))).state is State.ENDED
 
 
 def test_a_kept_node_that_dies_is_healed() -> None:
     robot = Robot(SHARED, WITH_D)
-    for kind, since in ((WRONG, 10.00004), (Kind.NODE_GONE, 10.0)):  # one moment, by two clocks
+    for kind, since in (
+        (Kind.OUT_OF_RANGE, 10.00004),
+        (Kind.NODE_GONE, 10.0),
+    ):  # one moment, by two clocks
         robot.row("/a", A, "failed", since)
         robot.rows["/a", A] = replace(robot.rows["/a", A], kind=kind)
         commands = robot.table(since + 1.0)  # at last that its connection was lost
@@ -256,19 +180,16 @@ def test_a_silent_node_that_is_kept_is_bridged_until_it_speaks() -> None:
     commands = robot.fail("/a", A, 10.0, "silent")
     assert not has(commands, events.FindNode) and publishing(robot) == (True,)
     start = only(commands, events.StartSubstitute)
-    robot.row("/a", start.node, "healthy", 10.5, first=10.5)
-    incident = last_incident(robot.table(10.5))
+    incident = last_incident(robot.heard(start.node, 10.5))
     assert incident.state is State.HEALED and incident.kept
-    robot.row("/a", A, "healthy", 11.0)
-    assert last_incident(robot.table(11.0)).state is State.RETURNING
+    assert last_incident(robot.back(11.0)).state is State.RETURNING
     assert publishing(robot) == (False,)
 
 
 def test_a_bridged_node_that_wakes_with_nonsense_is_not_talked_over() -> None:
     robot = Robot(SHARED, WITH_D)
     start = only(robot.fail("/a", A, 10.0, "silent"), events.StartSubstitute)
-    robot.row("/a", start.node, "healthy", 10.5, first=10.5)
-    robot.table(10.5)
+    robot.heard(start.node, 10.5)
     commands = robot.fail("/a", A, 11.0, "out_of_range")
     assert only(commands, events.StopSubstitute).node == start.node
     assert last_incident(commands).state is State.KEPT
@@ -290,8 +211,7 @@ def test_a_silent_node_that_nothing_can_replace_is_not_killed() -> None:
     assert incident.state is State.UNHEALED and incident.kept
     robot.handle(events.Tick(12.0))
     assert not has(robot.said, events.FindNode)
-    robot.row("/a", A, "healthy", 15.0)
-    assert last_incident(robot.table(15.0)).state is State.RETURNING
+    assert last_incident(robot.back(15.0)).state is State.RETURNING
 
 
 def test_a_babbling_node_without_a_substitute_is_killed_if_it_does_nothing_else() -> None:
@@ -420,13 +340,11 @@ def test_the_duties_of_a_dead_node_hinder_nothing() -> None:
 def test_a_protected_node_that_keeps_failing_is_let_back() -> None:
     robot = Robot(Som([service("a", A, needed=True), service("b", B)]), switches=1)
     robot.heal(10.0)
-    robot.row("/a", A, "healthy", 20.0)
-    robot.table(20.0)
+    robot.back(20.0)
     robot.handle(events.NodeLearned(20.1, A, True, "it is required"))
     robot.fail("/a", A, 20.5, "silent")
     assert last_incident(robot.said).state is State.HEALED
-    robot.row("/a", A, "healthy", 21.0)
-    assert last_incident(robot.table(21.0)).state is State.RETURNING
+    assert last_incident(robot.back(21.0)).state is State.RETURNING
     assert len([each for each in robot.said if isinstance(each, events.FindNode)]) == 1
 
 
@@ -443,11 +361,10 @@ def test_a_node_is_protected_as_its_last_life_was_until_it_is_learned_anew() -> 
 
 
 def test_a_service_that_contains_nothing_lets_its_node_live() -> None:
-    first, *others = SHARED
     robot = Robot(changed(SHARED, "a", contain=Contain.NONE), BOTH)
     incident = last_incident(robot.fail("/a", A, 10.0, "out_of_range"))
     assert incident.state is State.KEPT and not has(robot.said, events.FindNode)
-    assert "the SOM says so of /a" in incident.decision and others
+    assert "the SOM says so of /a" in incident.decision
 
 
 def test_a_node_whose_policy_is_restart_is_killed_and_started_again() -> None:
@@ -477,47 +394,6 @@ def test_a_node_that_dies_while_it_returns_fails_on_each_of_its_topics() -> None
     assert publishing(robot) == (True, True)
 
 
-def acts(commands: List[events.Command]) -> List[events.Command]:
-    """Return the commands that do more than tell and learn."""
-    telling = (events.Log, events.ShowIncident, events.ShowSom, events.LearnNode)
-    return [each for each in commands if not isinstance(each, telling)]
-
-
-@pytest.mark.parametrize("kind", ["node_gone", "silent", "out_of_range", "requested"])
-def test_a_policy_of_advice_plans_and_does_nothing(kind: str) -> None:
-    last = LastResort(values=(("a", 1.0),), command=("stop",))
-    first, *others = [service("a", A, True), service("b", B)]
-    warm = replace(first, policy=Policy.ADVISE, standby=Standby.WARM, last_resort=last)
-    robot = Robot(Som([warm, *others]))
-    incident = last_incident(robot.fail("/a", A, 10.0, kind))
-    assert incident.inputs == ("/b/data",) and incident.kept
-    assert incident.state is (State.ENDED if kind == "requested" else State.KEPT)
-    assert "nothing is done, as healing advises; else " in incident.decision
-    told = [each.text for each in robot.said if isinstance(each, events.Log)]
-    assert any("healing advises" in text and "It could be replaced" in text for text in told)
-    robot.handle(events.Tick(20.0))
-    assert acts(robot.said) == []
-
-
-@pytest.mark.parametrize("act", [True, False])
-def test_healing_advises_in_a_dry_run_and_until_the_som_says_otherwise(act: bool) -> None:
-    hot = service("a", A, needed=True, standby=Standby.HOT)
-    som = Som([hot, service("b", B)], act=act)
-    robot = Robot(som)
-    robot.core = Reconfigurator(ONTOLOGY, som, Settings(), dry_run=act)
-    robot.said.clear()
-    robot.table(1.0)
-    robot.idle(1.0)
-    robot.fail("/a", A, 10.0, "silent")
-    again = changed(som, "a", contain=Contain.NODE, period=0.1)
-    robot.handle(events.SomChanged(11.0, again))
-    robot.handle(events.SomChanged(12.0, som, ONTOLOGY))
-    robot.handle(events.Tick(30.0))
-    assert acts(robot.said) == [] and last_incident(robot.said).state is State.KEPT
-    robot.handle(events.SomChanged(31.0, Som(som), ONTOLOGY))
-    assert bool(acts(robot.said)) is not act
-
-
 def test_what_somebody_asks_for_is_refused_if_it_would_cost_too_much() -> None:
     robot = Robot(SHARED, WITH_D)
     commands = robot.handle(events.SubstituteRequested(10.0, "a"))
@@ -535,8 +411,7 @@ def test_a_lost_connection_ends_no_node_that_still_runs_and_does_well() -> None:
     commands = robot.handle(events.NodeFound(10.01, A, events.Where.HERE))
     assert not has(commands, events.AskToLeave) and last_incident(commands).kept
     (row,) = robot.working()
-    robot.row("/a", row.node, "healthy", 10.5, first=10.5)
-    robot.table(10.5)
+    robot.heard(row.node, 10.5)
     robot.row("/d", A, "failed", 11.0)
     robot.rows["/d", A] = replace(robot.rows["/d", A], kind=Kind.NODE_GONE)
     assert only(robot.table(11.0), events.FindNode).node == A

@@ -16,7 +16,7 @@ import plain_node
 from plain_node import PlainNode
 from shsa_core.errors import ShsaError
 from shsa_core.healing.events import FindNode, Where
-from shsa_core.ros.master.node_api import Originals, located, pid
+from shsa_core.ros.master.node_api import located, pid
 from shsa_core.ros.processes import kernel, local as ending
 from shsa_core.ros.processes.nodes import Nodes, protection
 from shsa_testing.waiting import wait_until
@@ -373,39 +373,6 @@ def test_who_registers_nonsense_is_nobody(nodes: Nodes) -> None:
             continue
         assert nodes.learn(NAME, TOPIC) is None
         assert nodes.find(FindNode(NAME, True, TOPIC)).where is Where.UNKNOWN
-
-
-@pytest.mark.parametrize("answer", [[1, "", 7], [1, "", [[["/speed"]]]], [1, "", [[7], 7]], "x"])
-def test_an_original_that_answers_nonsense_serves_nobody(nodes: Nodes, answer: Any) -> None:
-    node = StrangeNode(value(answer))
-    register(node.uri)
-    assert Originals().served_consumers(TOPIC, NAME) is None
-    node.end()
-
-
-def test_an_original_in_cpp_tells_whom_it_serves(nodes: Nodes) -> None:
-    stats = [[[TOPIC, [[1, 60, 50, 5, 0], [2, 0, 0, 0, 0]]]], [], []]  # without a status
-    info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
-    node = StrangeNode(value(7), getBusStats=value(stats), getBusInfo=value([1, "", info]))
-    register(node.uri)
-    assert Originals().served_consumers(TOPIC, NAME) == {"a"}
-    node.end()
-
-
-def test_an_original_is_asked_who_its_consumers_are_once(nodes: Nodes) -> None:
-    stats: Any = [[[TOPIC, 9, [[1, 60, 60, False], [2, 0, 0, False]]]], [], []]
-    info = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
-    node = StrangeNode(value(7), getBusStats=value([1, "", stats]), getBusInfo=value([1, "", info]))
-    register(node.uri)
-    originals = Originals()
-    for _ in range(3):
-        assert originals.served_consumers(TOPIC, NAME) == {"a"}
-    assert node.calls == {"getBusStats": 3, "getBusInfo": 1}
-    stats[0][0][-1][1][2] = 60  # another one is served
-    node.tells(getBusStats=value([1, "", stats]))
-    assert originals.served_consumers(TOPIC, NAME) == {"a", "b"}
-    assert node.calls == {"getBusStats": 4, "getBusInfo": 1}
-    node.end()
 
 
 @pytest.fixture

@@ -90,8 +90,7 @@ def test_what_was_told_meanwhile_counts_at_the_next_failure() -> None:
     robot = Robot()
     told(robot, 5.0)
     node = robot.heal(10.0)
-    robot.row("/a", A, "healthy", 12.0)
-    robot.table(12.0)
+    robot.back(12.0)
     told(robot, 13.0, LATER)
     robot.handle(events.Tick(15.0))
     del robot.rows["/a", node]

@@ -4,7 +4,7 @@ from typing import List, Optional
 import pytest
 
 from core_robot import A, Robot, has, last_incident, only, publishing
-from hosts_robot import PI, back, distributed, seen, silent, steady, takes_over
+from hosts_robot import PI, distributed, seen, silent, steady, takes_over
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident, State
 from shsa_core.healing.kill import Kills
@@ -133,7 +133,7 @@ def relapses(robot: Robot, kind: str, count: int) -> Incident:
         if kind != "silent":
             robot.killed(time + 0.2, A)
         seen(robot, time + 0.5, PI)
-        back(robot, time + 0.5)
+        robot.back(time + 0.5)
     incident = robot.core.incident("a")
     assert incident is not None and incident.id == 1
     return incident
@@ -164,7 +164,7 @@ def test_who_is_silent_on_its_own_computer_again_and_again_is_kept_out() -> None
         asked(robot, time + 0.1, 0.0)
         robot.killed(time + 4.0, A)
         steady(robot, time + 3.0, time + 5.0, PI)
-        back(robot, time + 5.0)
+        robot.back(time + 5.0)
         steady(robot, time + 5.0, time + 6.0, PI)
     incident = robot.core.incident("a")
     assert incident is not None and incident.kept_out

@@ -8,7 +8,6 @@ from hosts_robot import (
     BOARD,
     PI,
     WAIT,
-    back,
     cut,
     distributed,
     lost,
@@ -120,7 +119,7 @@ def test_a_node_that_is_silent_with_its_computer_is_taken_over_and_not_killed() 
     assert not has(robot.said, events.FindNode)
     assert last_incident(robot.said).state is State.HEALED and publishing(robot) == (True,)
     seen(robot, 18.0, PI)
-    assert last_incident(back(robot, 18.1)).state is State.RETURNING
+    assert last_incident(robot.back(18.1)).state is State.RETURNING
     assert publishing(robot) == (False,)
     robot.handle(events.Tick(20.2))
     assert robot.core.incident("a") is None
@@ -202,7 +201,7 @@ def test_a_link_that_drops_again_and_again_ends_with_one_publisher_and_no_punish
         assert publishing(robot) == (True,)
         time += length
         seen(robot, time, PI)
-        incident = last_incident(back(robot, time + 0.1))
+        incident = last_incident(robot.back(time + 0.1))
         assert incident.state is State.RETURNING and not incident.kept_out
         robot.handle(events.Tick(time + 1.0))
         time += 2.0
@@ -221,7 +220,7 @@ def test_a_cut_that_is_shorter_than_a_loss_is_no_failure_of_the_node_either() ->
         silent(robot, time + 0.3)
         takes_over(robot, time + 0.4)
         seen(robot, time + 1.9, PI)
-        incident = last_incident(back(robot, time + 2.0))
+        incident = last_incident(robot.back(time + 2.0))
         assert not incident.kept_out
         time += 2.5
     seen(robot, time, PI)
@@ -245,7 +244,7 @@ def test_where_the_som_says_wait_nothing_is_done_while_the_computer_is_lost(
     assert told in last_incident(commands).detail
     assert not any(publishing(robot)) and not has(robot.said, events.FindNode)
     seen(robot, 18.0, PI)
-    assert last_incident(back(robot, 18.1)).state is State.RETURNING
+    assert last_incident(robot.back(18.1)).state is State.RETURNING
     robot.handle(events.Tick(20.2))
     seen(robot, 20.5, PI)
     robot.idle(20.6)
@@ -299,7 +298,7 @@ def test_a_substitute_yields_to_an_original_that_was_only_silent_on_another_comp
     assert row.publishing and row.yields
     commands = robot.failure("/a", row.node, 18.0, "silent", "no message", 17.7)
     assert not stopped(commands)  # it may have heard the original before we do
-    assert last_incident(back(robot, 18.1)).state is State.RETURNING
+    assert last_incident(robot.back(18.1)).state is State.RETURNING
     (row,) = robot.working()
     assert not row.publishing and not row.yields
 

@@ -1,4 +1,4 @@
-"""The reconfigurator with nodes, launches, models, and services that share a topic."""
+"""The reconfigurator with nodes, launches, and services that share a topic."""
 from dataclasses import replace
 from math import inf
 from typing import Any, Callable, List
@@ -6,11 +6,9 @@ from typing import Any, Callable, List
 import pytest
 
 from core_robot import (
-    assigned,
     A,
     B,
     C,
-    ONTOLOGY,
     SOM,
     Robot,
     function,
@@ -18,7 +16,6 @@ from core_robot import (
     last_incident,
     only,
     publishing,
-    reads,
     service,
 )
 from shsa_core.errors import ModelError, ShsaError
@@ -45,8 +42,7 @@ def test_a_node_is_learned_once_each_time_that_it_comes_up() -> None:
     assert not learned(robot.table(5.0))
     robot.fail("/a", A, 10.0, "out_of_range")
     robot.killed(10.1, A)
-    robot.row("/a", A, "healthy", 20.0)
-    assert learned(robot.table(20.0)) == [A]
+    assert learned(robot.back(20.0)) == [A]
 
 
 def test_a_node_that_could_not_be_learned_is_tried_until_it_is_known() -> None:
@@ -196,69 +192,6 @@ def test_the_failure_of_a_substitute_on_a_shared_topic_is_its_services() -> None
     assert last_incident(commands).service == "left"
 
 
-def test_new_models_leave_what_runs_and_change_the_plans() -> None:
-    robot = Robot()
-    node = robot.heal(10.0)
-    assert reads(robot, node) == ("/b/data",)
-    other = replace(ONTOLOGY, functions=[function("only", "a", "3 * c", 0.7)])
-    commands = robot.handle(events.SomChanged(20.0, SOM, other))
-    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
-    robot.idle(20.1)
-    assert robot.core.explain("a").relations == ("only",)
-    robot.row("/a", A, "healthy", 30.0)
-    robot.table(30.0)
-    robot.handle(events.Tick(33.0))
-    start = only(robot.fail("/a", A, 40.0), events.StartSubstitute)
-    assert start.program is not None and start.program.inputs == ("/c/data",)
-
-
-def test_a_service_that_is_not_needed_any_more_is_left_alone() -> None:
-    first, *others = SOM
-    hot = replace(first, standby=Standby.HOT)
-    robot = Robot(Som([hot, *others]))
-    (row,) = robot.working()
-    commands = robot.handle(events.SomChanged(2.0, Som([replace(hot, needed=False), *others])))
-    assert only(commands, events.StopSubstitute).node == row.node
-    assert not has(robot.fail("/a", A, 10.0), events.FindNode)
-
-
-def test_a_service_that_has_failed_before_it_was_needed_is_healed_then() -> None:
-    first, *others = SOM
-    robot = Robot(Som([replace(first, needed=False), *others]))
-    robot.row("/a", A, "failed", 5.0)
-    assert not has(robot.table(5.1), events.StartSubstitute)
-    assert has(robot.handle(events.SomChanged(9.0, SOM)), events.StartSubstitute)
-
-
-def test_a_service_that_becomes_warm_has_processes_ready() -> None:
-    first, *others = SOM
-    robot = Robot()
-    assert not has(robot.said, events.StartSubstitute)
-    warm = Som([replace(first, standby=Standby.WARM), *others])
-    assert has(robot.handle(events.SomChanged(2.0, warm)), events.StartSubstitute)
-    robot.idle(2.0)
-    assert assigned(robot.fail("/a", A, 10.0))
-
-
-def test_another_quality_of_a_source_counts_in_the_next_plan() -> None:
-    first, second, third = SOM
-    poor = replace(second, provides=(Provision("b", "data", quality=0.1),))
-    robot = Robot()
-    robot.handle(events.SomChanged(2.0, Som([first, poor, third])))
-    robot.idle(2.0)
-    start = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
-    assert start.program is not None and start.program.inputs == ("/c/data",)
-
-
-def test_a_changed_period_reaches_the_substitute_that_runs() -> None:
-    robot = Robot()
-    node = robot.heal(10.0)
-    slower = Som([replace(each, period=0.1) for each in SOM])
-    robot.handle(events.SomChanged(12.0, slower))
-    row = robot.shown[node]
-    assert {signal.period for signal in (*row.inputs, *row.outputs)} == {0.1}
-
-
 def test_services_are_found_by_name_topic_and_property() -> None:
     spare = Service("spare", "/spare", "p/T", "/spare_node", 0.1, (Provision("a", "data"),))
     robot = Robot(Som([spare, *SOM]))
@@ -305,8 +238,7 @@ def test_what_is_told_again_ends_no_new_node_of_that_name(certain: bool) -> None
 def test_a_substitute_of_former_days_is_no_original() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    robot.row("/a", A, "healthy", 20.0)
-    robot.table(20.0)
+    robot.back(20.0)
     robot.handle(events.Tick(23.0))
     assert robot.failure("/a", node, 24.0, "silent", "no message", 23.0) == []
     assert robot.handle(events.ProcessExited(24.0, node, "status 0")) == []
@@ -405,17 +337,6 @@ def test_nothing_is_healed_without_evidence_in_the_record() -> None:
     assert incident.kind == "node_gone" and incident.detail
 
 
-def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
-    first, *others = SOM
-    robot = Robot()
-    node = robot.heal(10.0)
-    commands = robot.handle(events.SomChanged(12.0, Som([replace(first, topic="/moved"), *others])))
-    assert only(commands, events.StopSubstitute).node == node
-    assert last_incident(commands).state is State.ENDED
-    start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
-    assert start.program is not None and start.program.outputs == ("/moved/data",)
-
-
 def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:
     robot = Robot(Som([service("a", A, needed=True), service("b", B), service("c", A)]))
     robot.fail("/a", A, 10.0, "silent")
@@ -507,6 +428,7 @@ def test_an_outage_begins_with_the_last_good_message_of_the_substitute() -> None
 def test_the_failure_of_what_is_not_needed_is_said_once() -> None:
     robot = Robot()
     told = robot.fail("/b", B, 10.0)
+    assert not has(told, events.FindNode) and not has(told, events.StartSubstitute)
     robot.row("/b", B, "failed", 10.0)
     told += robot.table(10.02)
     texts = [each.text for each in told if isinstance(each, events.Log)]

@@ -1,12 +1,67 @@
-"""The table of docs/explanation/killing.md: 12 kinds of node, 6 faults, what is done."""
-from typing import Any, Dict, NamedTuple, Tuple
+"""The tables of docs/explanation/killing.md: its rows as decisions, and its nodes on a robot."""
+from typing import Any, Dict, List, NamedTuple, Tuple
 
 import pytest
 
-from core_robot import A, Robot, has, publishing
+from core_robot import A, BOTH, SHARED, WITH_D, Robot, changed, has, publishing
 from shsa_core.healing import events
+from shsa_core.healing.containment import Charge, decide
 from shsa_core.healing.events import Where
-from test_containment import BOTH, SHARED, WITH_D, changed
+from shsa_core.model.kinds import Contain, Kind
+
+WRONG, SILENT = Kind.OUT_OF_RANGE, Kind.SILENT
+ROWS: List[Any] = [
+    # Everything that is lost is taken over.
+    (WRONG, {"replaced": True}, True, "what is needed of it is taken over"),
+    (SILENT, {"replaced": True}, False, "it may speak again, and ending it would gain nothing"),
+    (Kind.REQUESTED, {"replaced": True}, True, "what is needed of it is taken over"),
+    (WRONG, {"replaced": True, "useful": ("/x",)}, True, "what is needed of it is taken over"),
+    # Something needed is lost for good.
+    (WRONG, {"replaced": True, "costs": ("/x",)}, False, "would cost /x, which nothing can"),
+    (WRONG, {"replaced": True, "costs": ("/x", "/y")}, False, "would cost /x and /y, which"),
+    (WRONG, {"costs": ("/x", "/y", "/z")}, False, "would cost /x, /y and /z, which"),
+    (WRONG, {"duties": ("takes /x",), "replaced": True}, False, "it takes /x, which nothing takes"),
+    # Nothing takes the failed topic over.
+    (WRONG, {}, True, "it publishes nothing else that is good"),
+    (WRONG, {"useful": ("/x",)}, False, "nothing can replace /a, and it still publishes /x"),
+    (Kind.NEVER_PUBLISHED, {}, False, "it may speak again, and ending it would gain nothing"),
+    (Kind.NODE_GONE, {}, False, "nothing can replace /a"),
+    (Kind.REQUESTED, {}, False, "nothing can replace /a"),
+    # Nobody knows whether the node or the SOM is wrong.
+    (WRONG, {"was_good": False}, False, "/a was never good: it may not be ready yet, or the SOM"),
+    (Kind.NOT_A_NUMBER, {"was_good": False, "replaced": True}, False, "/a was never good"),
+    (WRONG, {"was_good": False, "contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (WRONG, {"was_good": False, "restarted": True}, True, "its policy is to start it again"),
+    # The SOM, the policy and the process decide otherwise.
+    (WRONG, {"contain": Contain.NODE, "costs": ("/x",)}, True, "the SOM says so of /a"),
+    (SILENT, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (SILENT, {"restarted": True}, True, "if it stays silent: its policy is to start it again"),
+    (WRONG, {"contain": Contain.NONE, "replaced": True}, False, "the SOM says so of /a"),
+    (WRONG, {"restarted": True, "costs": ("/x",)}, True, "its policy is to start it again"),
+    # Its settings may be other ones.
+    (Kind.FRAME, {"replaced": True, "restarted": True}, False, "its settings may have been"),
+    (Kind.LENGTH, {"gated": True}, False, "its settings may have been changed"),
+    (Kind.LENGTH, {"contain": Contain.NODE}, True, "the SOM says so of /a"),
+    # A gate stands between it and the consumers.
+    (WRONG, {"gated": True, "replaced": True}, False, "a gate keeps from consumers what it"),
+    (WRONG, {"gated": True, "contain": Contain.NODE}, True, "the SOM says so of /a"),
+    (SILENT, {"gated": True, "replaced": True}, False, "it may speak again, and ending it"),
+    (Kind.NODE_GONE, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
+    (Kind.REQUESTED, {"gated": True, "replaced": True}, True, "what is needed of it is taken"),
+    (WRONG, {"protected": "it is P", "replaced": True}, False, "/n is kept: it is P"),
+    (WRONG, {"protected": "it is P", "restarted": True}, False, "/n is kept: it is P"),
+    (WRONG, {"protected": "it is P", "contain": Contain.NODE}, True, "the SOM says so of /a"),
+]
+
+
+@pytest.mark.parametrize("kind, known, kill, why", ROWS)
+def test_a_row_of_the_table(kind: Kind, known: Dict[str, Any], kill: bool, why: str) -> None:
+    verdict = decide(Charge("/n", "/a", kind, **known))
+    assert verdict.kill is kill and why in verdict.why
+    gone = kind is Kind.NODE_GONE
+    does = ("ended", "left alone") if gone else ("killed", "kept")
+    end = " if it still runs: " if gone else ""
+    assert verdict.why.startswith(f"/n is {does[0] if kill else does[1]}{end}")
 
 
 class Node(NamedTuple):

@@ -24,7 +24,6 @@ from shsa_core.monitoring.last_messages import LastMessages
 from shsa_core.monitoring.settings import LAST_MESSAGE_B, MESSAGES_KEPT, OLDEST_MESSAGE_S
 from shsa_core.ros.wire.healing import failure_seen
 from shsa_core.substitution import events
-from shsa_core.substitution.job import Stamps
 
 # The monitor's side.
 
@@ -219,8 +218,7 @@ def test_a_hot_substitute_forgets_the_message_when_the_incident_ends() -> None:
     robot.killed(10.01, A)
     (row_,) = robot.working()
     robot.row("/a", row_.node, "healthy", 10.1, first=10.1)
-    robot.row("/a", A, "healthy", 11.0)
-    robot.table(11.0)
+    robot.back(11.0)
     assert [each.last_message for each in robot.working()] == [b"good"]
     robot.handle(healing.Tick(14.0))
     assert [each.last_message for each in robot.working()] == [b""]
@@ -265,9 +263,9 @@ def of_service(publishing: bool, data: bytes = b"", code: str = SUM, **more: Any
     return replace(row(publishing, code=code, **more), last_message=data)
 
 
-def known(value: float, stamp: int = 0) -> events.LastMessage:
+def known(value: float) -> events.LastMessage:
     """A last message with that value."""
-    return events.LastMessage((("data", value),), stamp)
+    return events.LastMessage((("data", value),), 0)
 
 
 def change(driver: Driver, row_: Substitution, last: Optional[events.LastMessage]) -> List[Any]:
@@ -395,83 +393,6 @@ def test_a_message_is_composed_anew_when_what_it_is_made_of_changes() -> None:
     assert composed(change(driver, certain, known(1.0)))[0].written == (("data", None),)
     (unreadable,) = composed(change(driver, certain, None))
     assert unreadable.last_message == b""
-
-
-# Stamps.
-
-START = 1_700_000_000_000_000_000
-
-
-def at(time: float) -> int:
-    """ROS time of the driver's clock, in ns."""
-    return START + int(round(time * 1e9))
-
-
-def stamps(driver: Driver) -> List[int]:
-    """The stamps of what was published."""
-    return [c.stamp for _, c in driver.said if isinstance(c, events.Publish)]
-
-
-def hear(driver: Driver, topic: str, stamp: int) -> None:
-    """An input comes now with this stamp."""
-    driver.tell(events.InputArrived, topic, "/sensor", (("data", 1.0),), stamp, at(driver.time))
-
-
-TWO = "t0=x[0]; t1=x[1];\ndef _tf1(i1,i2): return i1+i2\nt2=_tf1(t0,t1);\ny=t2"
-
-
-def test_the_stamp_is_that_of_the_oldest_input() -> None:
-    inputs = (signal("/a"), signal("/b", deadline=None))
-    driver = Driver(row(True, inputs, TWO))
-    driver.ready()
-    driver.time = 1.0
-    hear(driver, "/b", at(0.5))
-    hear(driver, "/a", at(0.9))
-    assert stamps(driver) == [at(0.5)]
-    driver.time = 1.1
-    hear(driver, "/b", 0)  # it has no header: it counts from its arrival
-    driver.pass_to(1.12)
-    assert stamps(driver)[-1] == at(0.9)
-
-
-def test_a_stamp_is_neither_newer_than_now_nor_older_than_the_one_before() -> None:
-    driver = Driver(row())
-    driver.ready()
-    driver.time = 1.0
-    change(driver, replace(row(True), last_message=b"m"), known(1.0, at(0.98)))
-    hear(driver, "/in", at(0.90))
-    assert stamps(driver) == [at(0.98)]
-    driver.time = 1.02
-    hear(driver, "/in", at(5.0))
-    assert stamps(driver) == [at(0.98), at(1.02)]
-    driver.time = 1.04
-    hear(driver, "/in", at(1.0))
-    assert stamps(driver)[-1] == at(1.02)
-
-
-def test_who_joins_hears_the_same_message_with_the_same_stamp() -> None:
-    driver = Driver(row(True))
-    driver.ready()
-    driver.time = 1.0
-    hear(driver, "/in", at(0.9))
-    driver.time = 1.01
-    (message,) = driver.tell(events.ConsumerJoined, "/out", "/late")
-    assert (message.only, message.stamp) == ("/late", at(0.9))
-
-
-def test_a_clock_that_is_set_back_does_not_stop_the_stamps() -> None:
-    stamps_ = Stamps()
-    stamps_.clock(1.0, at(100.0))
-    assert stamps_.of("/a", at(100.0), 1.0) == at(100.0)
-    stamps_.clock(1.1, at(50.0))
-    assert stamps_.of("/a", at(50.0), 1.1) == at(50.0)
-
-
-def test_what_stands_on_nothing_measured_is_stamped_now() -> None:
-    stamps_ = Stamps()
-    assert stamps_.of("/a", 0, 1.0) == 0, "the shell's now"
-    stamps_.clock(1.0, at(1.0))
-    assert stamps_.of("/a", 0, 1.5) == at(1.5)
 
 
 def test_its_messages_are_made_of_the_last_one_or_else_of_one_of_when_all_was_well() -> None:

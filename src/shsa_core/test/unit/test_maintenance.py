@@ -57,8 +57,7 @@ def test_a_node_that_is_back_before_the_end_has_not_failed() -> None:
     robot = Robot()
     begin(robot, 10.0)
     fails(robot, 11.0)
-    robot.row("/a", A, "healthy", 20.0)
-    robot.table(20.0)
+    robot.back(20.0)
     assert not acting(end(robot, 30.0)) and robot.core.incident("a") is None
     assert has(fails(robot, 40.0), events.StartSubstitute)
 
@@ -69,8 +68,7 @@ def test_what_publishes_goes_on_and_is_still_when_people_bring_the_original_back
     assert publishing(robot) == (True,) and not robot.shown[substitute].yields
     begin(robot, 20.0)
     assert publishing(robot) == (True,) and robot.shown[substitute].yields
-    robot.row("/a", A, "healthy", 30.0)
-    assert robot.table(30.0) == []
+    assert robot.back(30.0) == []
     commands = end(robot, 40.0)
     assert not acting(commands) and publishing(robot) == (False,)
     incident = robot.core.incident("a")

@@ -2,12 +2,12 @@
 """
 import resource
 import time
-from typing import Callable, Iterator, List, Tuple
+from typing import Any, Callable, Iterator, List, Tuple
 
 import pytest
 
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, pid, topics
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, Originals, address, ask, pid, topics
 from shsa_core.ros.master.master_watch import MasterCalls
 from strange_nodes import NONSENSE, Send, StrangeNode, bomb, drip, endless, nothing, value, zipped
 
@@ -21,8 +21,8 @@ def ended() -> Iterator[None]:
         NODES.pop().end()
 
 
-def node(otherwise: Send) -> str:
-    NODES.append(StrangeNode(otherwise))
+def node(otherwise: Send, **answers: Any) -> str:
+    NODES.append(StrangeNode(otherwise, **answers))
     return NODES[-1].uri
 
 
@@ -104,3 +104,43 @@ def test_an_address_that_is_none_is_not_called(uri: str) -> None:
 def test_addresses_of_nodes() -> None:
     assert address("http://robot-1.local:4242/") == ("robot-1.local", 4242)
     assert address("http://[::1]:4242") == ("::1", 4242)
+
+
+TOPIC, NAME = "/speed", "/driver"
+ENDS = [[number, name, "o", "TCPROS", TOPIC, True] for number, name in enumerate("xab")]
+INFO = value([1, "", ENDS])
+
+
+def original(monkeypatch: pytest.MonkeyPatch, otherwise: Send, **answers: Send) -> StrangeNode:
+    """Return a node whose address a master tells."""
+    uri = node(otherwise, **answers)
+    monkeypatch.setenv("ROS_MASTER_URI", node(value([1, "", uri])))
+    return NODES[-2]
+
+
+@pytest.mark.parametrize("answer", [[1, "", 7], [1, "", [[["/speed"]]]], [1, "", [[7], 7]], "x"])
+def test_an_original_that_answers_nonsense_serves_nobody(
+    monkeypatch: pytest.MonkeyPatch, answer: Any
+) -> None:
+    asked = original(monkeypatch, value(answer))
+    assert Originals().served_consumers(TOPIC, NAME) is None and asked.calls
+
+
+def test_an_original_in_cpp_tells_whom_it_serves(monkeypatch: pytest.MonkeyPatch) -> None:
+    stats = [[[TOPIC, [[1, 60, 50, 5, 0], [2, 0, 0, 0, 0]]]], [], []]  # without a status
+    original(monkeypatch, value(7), getBusStats=value(stats), getBusInfo=INFO)
+    assert Originals().served_consumers(TOPIC, NAME) == {"a"}
+
+
+def test_an_original_is_asked_who_its_consumers_are_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    stats: Any = [[[TOPIC, 9, [[1, 60, 60, False], [2, 0, 0, False]]]], [], []]
+    tells = value([1, "", stats])
+    asked = original(monkeypatch, value(7), getBusStats=tells, getBusInfo=INFO)
+    originals = Originals()
+    for _ in range(3):
+        assert originals.served_consumers(TOPIC, NAME) == {"a"}
+    assert asked.calls == {"getBusStats": 3, "getBusInfo": 1}
+    stats[0][0][-1][1][2] = 60  # another one is served
+    asked.tells(getBusStats=value([1, "", stats]))
+    assert originals.served_consumers(TOPIC, NAME) == {"a", "b"}
+    assert asked.calls == {"getBusStats": 4, "getBusInfo": 1}

@@ -1,21 +1,19 @@
-"""Beside substitution: nodes started again, trusted less, kept out.
-
-And what is done when nothing is left.
-"""
+"""Beside substitution: nodes started again, advice, and what is done when nothing is left."""
 import math
 from dataclasses import replace
 from math import inf
-from typing import List
+from typing import Any, List
 
 import pytest
 
 from core_robot import (
     assigned,
     A,
+    B,
     ONTOLOGY,
     SOM,
     Robot,
-    function,
+    changed,
     has,
     last_incident,
     only,
@@ -25,11 +23,11 @@ from core_robot import (
 )
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.healing.machine import Reconfigurator
 from shsa_core.files.parameters import read_settings
 from shsa_core.healing.settings import Settings
 from shsa_core.model.health import PublisherHealth, PublisherState
-from shsa_core.model.kinds import Kind, Policy
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.service import LastResort
 from shsa_core.model.som import Som
 
@@ -37,12 +35,6 @@ from shsa_core.model.som import Som
 def som(policy: str = "substitute", last: LastResort = LastResort()) -> Som:
     first, *others = SOM
     return Som([replace(first, policy=Policy(policy), last_resort=last), *others])
-
-
-def back(robot: Robot, time: float) -> List[events.Command]:
-    """The original publishes again."""
-    robot.row("/a", A, "healthy", time)
-    return robot.table(time + 0.01)
 
 
 def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None:
@@ -59,15 +51,20 @@ def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None
     assert incident.state is State.UNHEALED and incident.restarts == 2
     assert "2 times in vain" in incident.detail
     assert not has(robot.said, events.StartSubstitute)
+    assert not has(robot.handle(events.Tick(30.0)), events.FindNode), "it is not awaited any more"
 
 
-def test_no_node_is_started_again_once_the_launch_ends() -> None:
+LEFT = SOM.with_services(replace(each, needed=False) for each in som("restart"))
+
+
+@pytest.mark.parametrize("event", [events.LaunchEnding(10.5), events.SomChanged(10.5, LEFT)])
+def test_no_node_is_started_again_once_the_launch_ends_or_nobody_needs_it(event: Any) -> None:
     robot = Robot(som("restart"), restart_pause=1.0)
     robot.fail("/a", A, 10.0)
     robot.killed(10.1, A)
-    robot.handle(events.LaunchEnding(10.5))
+    robot.handle(event)
     assert robot.core.deadline == inf, "a tick does nothing: it would be due for good"
-    assert not has(robot.handle(events.Tick(11.2)), events.RestartNode)
+    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
 
 
 def test_a_node_that_does_not_come_back_in_time_is_killed_and_tried_again() -> None:
@@ -78,17 +75,7 @@ def test_a_node_that_does_not_come_back_in_time_is_killed_and_tried_again() -> N
     assert only(robot.handle(events.Tick(16.0)), events.FindNode).node == A
     robot.killed(16.1, A)
     assert has(robot.handle(events.Tick(18.2)), events.RestartNode)
-
-
-def test_a_node_that_needs_long_to_start_has_twice_as_long_the_next_time() -> None:
-    robot = Robot(som("restart"), restart_pause=1.0, restart_timeout=5.0)
-    robot.fail("/a", A, 10.0)
-    robot.killed(10.0, A)
-    robot.handle(events.Tick(11.0))
-    robot.handle(events.Tick(16.0))
-    robot.killed(16.1, A)
-    assert has(robot.handle(events.Tick(18.2)), events.RestartNode)
-    assert not has(robot.handle(events.Tick(28.1)), events.FindNode)
+    assert not has(robot.handle(events.Tick(28.1)), events.FindNode), "it has twice as long now"
     assert has(robot.handle(events.Tick(28.3)), events.FindNode)
 
 
@@ -166,7 +153,7 @@ def test_a_node_that_was_started_again_ends_the_incident_after_its_hold_off() ->
     robot.fail("/a", A, 10.0)
     robot.killed(10.0, A)
     robot.handle(events.Tick(11.0))
-    assert last_incident(back(robot, 12.0)).state is State.RETURNING
+    assert last_incident(robot.back(12.0)).state is State.RETURNING
     ended = last_incident(robot.handle(events.Tick(14.1)))
     assert ended.state is State.ENDED and ended.detail == "/a: /a_node is back."
     assert not has(robot.handle(events.Tick(30.0)), events.FindNode)
@@ -178,7 +165,7 @@ def test_restarts_are_forgotten_once_the_node_was_well_for_long() -> None:
         robot.fail("/a", A, time)
         robot.killed(time, A)
         assert has(robot.handle(events.Tick(time + 1.0)), events.RestartNode) == restarts
-        back(robot, time + 2.0)
+        robot.back(time + 2.0)
         robot.handle(events.Tick(time + 5.0))
 
 
@@ -198,7 +185,7 @@ def test_a_substitute_bridges_while_the_node_is_started_again() -> None:
     node = robot.heal(10.0)
     commands = robot.handle(events.Tick(11.1))
     assert only(commands, events.RestartNode).node == A and publishing(robot) == (True,)
-    back(robot, 12.0)
+    robot.back(12.0)
     assert publishing(robot) == (False,)
     assert only(robot.handle(events.Tick(14.1)), events.StopSubstitute).node == node
 
@@ -240,191 +227,6 @@ def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
     commands = robot.killed(10.1, A, certain=False)
     assert last_incident(commands).state is State.UNHEALED
     assert not has(robot.handle(events.Tick(60.0)), events.RestartNode)
-
-
-def test_the_hold_off_grows_while_the_original_fails_within_it() -> None:
-    robot = Robot(switches=9, hold_off_limit=5.0)
-    robot.heal(10.0)
-    for time, hold_off in ((20.0, 2.0), (30.0, 4.0), (40.0, 5.0), (50.0, 5.0)):
-        back(robot, time)
-        assert robot.core.deadline == pytest.approx(time + 0.01 + hold_off)
-        robot.fail("/a", A, time + 1.0)
-        robot.killed(time + 1.01, A)
-    back(robot, 60.0)
-    robot.handle(events.Tick(70.0))
-    robot.heal(80.0)
-    back(robot, 90.0)
-    assert robot.core.deadline == pytest.approx(92.01)
-
-
-def test_where_relapses_do_not_count_the_hold_off_stays_as_it_is() -> None:
-    robot = Robot(switches=0)
-    robot.heal(10.0)
-    for time in (20.0, 30.0, 40.0):
-        back(robot, time)
-        assert robot.core.deadline == pytest.approx(time + 0.01 + 2.0)
-        robot.fail("/a", A, time + 1.0)
-        robot.killed(time + 1.01, A)
-
-
-def flap(robot: Robot, time: float) -> None:
-    back(robot, time)
-    robot.fail("/a", A, time + 1.0)
-    robot.killed(time + 1.01, A)
-
-
-def test_an_original_that_keeps_failing_is_kept_out_until_it_is_released() -> None:
-    robot = Robot(switches=2)
-    robot.heal(10.0)
-    flap(robot, 20.0)
-    assert not last_incident(robot.said).kept_out
-    flap(robot, 30.0)
-    assert last_incident(robot.said).kept_out
-    commands = back(robot, 40.0)
-    assert only(commands, events.FindNode) == events.FindNode(A, topic="/a")
-    assert publishing(robot) == (True,)  # nothing is muted for it
-    assert has(robot.handle(events.NodeFound(40.1, A, events.Where.HERE)), events.EndProcess)
-    robot.handle(events.NodeLeft(40.11, A))
-    assert publishing(robot) == (True,)
-    assert last_incident(robot.said).state is State.HEALED
-    assert not last_incident(robot.handle(events.Released(50.0, "a"))).kept_out
-    assert last_incident(back(robot, 51.0)).state is State.RETURNING
-
-
-def test_a_node_relapses_once_whatever_it_publishes() -> None:
-    services = [service("a", A, True), service("b", A, True), service("c", "/c_node")]
-    laws = [function("p", "a", "c + 1", 0.9), function("q", "b", "c + 2", 0.9)]
-    robot = Robot(Som(services), Ontology(ONTOLOGY.properties, {}, laws), switches=2)
-    for time in (10.0, 13.0, 16.0):
-        for topic in ("/a", "/b"):
-            robot.fail(topic, A, time)
-        robot.killed(time + 0.1, A)
-        incidents = [robot.core.incident(name) for name in "ab"]
-        assert [each and each.kept_out for each in incidents] == [time == 16.0] * 2
-        robot.row("/a", A, "healthy", time + 1.0)
-        robot.row("/b", A, "healthy", time + 1.0)
-        robot.table(time + 1.01)
-
-
-def test_an_original_that_keeps_failing_is_better_than_nothing() -> None:
-    robot = Robot(switches=1)
-    robot.heal(10.0)
-    flap(robot, 20.0)
-    robot.rows.pop(("/b", "/b_node"))
-    robot.rows.pop(("/c", "/c_node"))
-    incident = last_incident(robot.table(25.0))
-    assert incident.state is State.UNHEALED and not incident.kept_out
-    assert last_incident(back(robot, 30.0)).state is State.RETURNING
-
-
-def test_ten_failures_and_returns_in_a_row_are_all_healed() -> None:
-    robot = Robot()
-    for number in range(10):
-        time = 10.0 + 12.0 * number
-        robot.heal(time)
-        back(robot, time + 1.0)
-        incident = last_incident(robot.handle(events.Tick(time + 4.0)))
-        assert (incident.state, incident.id) == (State.ENDED, number + 1)
-
-
-@pytest.mark.parametrize("lives", [0.9, 1.6, 3.7, 9.9])
-def test_an_original_that_fails_soon_after_each_return_is_heard_no_more_after_three(
-    lives: float,
-) -> None:
-    robot = Robot()
-    time, returns = 10.0, 0
-    node = robot.heal(time)
-    for _ in range(20):
-        time += 1.0
-        killed = [each for each in back(robot, time) if isinstance(each, events.FindNode)]
-        if killed:
-            assert publishing(robot) == (True,)
-            robot.killed(time + 0.05, A)
-            continue
-        returns += 1
-        time += lives
-        for each in (2.0, 4.0, 8.0):
-            if each < lives:
-                robot.handle(events.Tick(time - lives + each + 0.1))
-        robot.fail("/a", A, time)
-        robot.killed(time + 0.01, A)
-        node = robot.working()[0].node
-        robot.row("/a", node, "healthy", time + 0.5, first=time + 0.5)
-        robot.table(time + 0.51)
-    assert returns == 3 and last_incident(robot.said).kept_out
-    assert last_incident(robot.said).state is State.HEALED and publishing(robot) == (True,)
-
-
-def test_a_node_that_was_told_to_leave_after_its_hold_off_has_not_relapsed() -> None:
-    robot = Robot(switches=1)
-    for number in range(5):
-        time = 10.0 + 5.0 * number
-        robot.heal(time)
-        robot.handle(events.NodeUnregistered(time + 0.6, A))
-        assert not last_incident(robot.said).kept_out
-        back(robot, time + 1.0)
-        robot.handle(events.Tick(time + 4.0))
-    robot.heal(40.0)
-    robot.handle(events.NodeUnregistered(40.6, A))
-    flap(robot, 50.0)
-    robot.handle(events.NodeUnregistered(51.1, A))  # within its hold-off it counts
-    assert last_incident(robot.said).kept_out
-
-
-def test_a_relapse_counts_only_in_a_row() -> None:
-    robot = Robot(switches=2)
-    time = 10.0
-    robot.heal(time)
-    for lives in (3.0, 30.0, 3.0, 30.0, 3.0):
-        back(robot, time + 1.0)
-        robot.handle(events.Tick(time + min(lives, 10.0)))
-        time += 1.0 + lives
-        robot.fail("/a", A, time)
-        robot.killed(time + 0.01, A)
-        assert not last_incident(robot.said).kept_out
-
-
-def test_who_is_kept_out_is_killed_as_it_registers_and_whoever_starts_it_is_named() -> None:
-    robot = Robot(switches=1)
-    robot.heal(10.0)
-    flap(robot, 20.0)
-    told = []
-    for number in range(40):
-        time = 30.0 + number
-        robot.row("/a", A, "unknown", time)
-        assert only(robot.table(time), events.FindNode).node == A
-        assert publishing(robot) == (True,)
-        where = events.NodeFound(time + 0.01, A, events.Where.HERE, "", "roslaunch, process 7")
-        assert only(robot.handle(where), events.EndProcess).node == A
-        said = robot.handle(events.NodeLeft(time + 0.02, A))
-        told += [each.text for each in said if isinstance(each, events.Log)]
-        robot.rows.pop(("/a", A))
-        robot.table(time + 0.03)
-    assert 3 < len(told) < 8  # ever more seldom
-    assert "/a_node is kept out, and was started again once by roslaunch, process 7" in told[0]
-    assert "rosservice call /shsa/release /a" in told[0]
-    assert last_incident(robot.said).state is State.HEALED
-
-
-def test_who_is_kept_out_and_cannot_be_killed_is_let_in() -> None:
-    robot = Robot(switches=1)
-    robot.heal(10.0)
-    flap(robot, 20.0)
-    back(robot, 30.0)
-    assert publishing(robot) == (True,)
-    commands = robot.killed(30.1, A, certain=False)
-    assert last_incident(commands).state is State.RETURNING and publishing(robot) == (False,)
-
-
-def test_who_is_kept_out_and_may_bring_what_nothing_else_gives_is_let_in() -> None:
-    two = replace(service("x", A, needed=True), name="x")
-    robot = Robot(Som([*SOM, two]), switches=1)
-    robot.fail("/x", A, 9.99)
-    robot.heal(10.0)
-    flap(robot, 20.0)
-    robot.row("/a", A, "unknown", 30.0)
-    assert not has(robot.table(30.0), events.FindNode)
-    assert last_incident(back(robot, 30.1)).state is State.RETURNING
 
 
 def nothing_left(last: LastResort) -> Robot:
@@ -485,12 +287,12 @@ def test_the_original_takes_safe_values_over() -> None:
     robot = nothing_left(LastResort(values=(("a", 1.0),)))
     node = only(robot.fail("/a", A, 10.0), events.StartSubstitute).node
     robot.killed(10.1, A)
-    back(robot, 20.0)
+    robot.back(20.0)
     assert publishing(robot) == (False,)
     robot.fail("/a", A, 21.0)
     assert last_incident(robot.said).state is State.SAFE and publishing(robot) == (True,)
     robot.killed(21.1, A)
-    back(robot, 30.0)
+    robot.back(30.0)
     commands = robot.handle(events.Tick(40.0))
     assert only(commands, events.StopSubstitute).node == node
 
@@ -507,7 +309,7 @@ def test_the_command_is_run_once_when_nothing_is_left() -> None:
 def test_a_substitute_that_dies_in_the_hold_off_does_not_keep_the_incident_open() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    back(robot, 20.0)
+    robot.back(20.0)
     robot.handle(events.ProcessExited(20.5, node, "exit status 1"))
     assert last_incident(robot.handle(events.Tick(22.1))).state is State.ENDED
 
@@ -561,20 +363,42 @@ def test_a_node_that_was_killed_under_another_policy_is_started_again() -> None:
     assert only(robot.handle(events.Tick(13.1)), events.RestartNode).node == A
 
 
-def test_what_leaves_the_som_is_not_started_again() -> None:
-    robot = Robot(som("restart"), restart_pause=1.0)
-    robot.fail("/a", A, 10.0)
-    robot.killed(10.1, A)
-    first, *others = som("restart")
-    robot.handle(events.SomChanged(10.2, Som([replace(first, needed=False), *others])))
-    assert robot.core.deadline == inf
-    assert not has(robot.handle(events.Tick(12.0)), events.RestartNode)
+def acts(commands: List[events.Command]) -> List[events.Command]:
+    """Return the commands that do more than tell and learn."""
+    telling = (events.Log, events.ShowIncident, events.ShowSom, events.LearnNode)
+    return [each for each in commands if not isinstance(each, telling)]
 
 
-def test_a_node_that_is_given_up_is_not_awaited_any_more() -> None:
-    robot = Robot(som("restart"), node_restarts=1, restart_pause=1.0, restart_timeout=5.0)
-    robot.fail("/a", A, 10.0)
-    robot.killed(10.1, A)
-    assert has(robot.handle(events.Tick(11.2)), events.RestartNode)
-    robot.handle(events.RestartFailed(11.3, A, "no such file"))
-    assert not has(robot.handle(events.Tick(17.0)), events.FindNode)
+@pytest.mark.parametrize("kind", ["node_gone", "silent", "out_of_range", "requested"])
+def test_a_policy_of_advice_plans_and_does_nothing(kind: str) -> None:
+    last = LastResort(values=(("a", 1.0),), command=("stop",))
+    first, *others = [service("a", A, True), service("b", B)]
+    warm = replace(first, policy=Policy.ADVISE, standby=Standby.WARM, last_resort=last)
+    robot = Robot(Som([warm, *others]))
+    incident = last_incident(robot.fail("/a", A, 10.0, kind))
+    assert incident.inputs == ("/b/data",) and incident.kept
+    assert incident.state is (State.ENDED if kind == "requested" else State.KEPT)
+    assert "nothing is done, as healing advises; else " in incident.decision
+    told = [each.text for each in robot.said if isinstance(each, events.Log)]
+    assert any("healing advises" in text and "It could be replaced" in text for text in told)
+    robot.handle(events.Tick(20.0))
+    assert acts(robot.said) == []
+
+
+@pytest.mark.parametrize("act", [True, False])
+def test_healing_advises_in_a_dry_run_and_until_the_som_says_otherwise(act: bool) -> None:
+    hot = service("a", A, needed=True, standby=Standby.HOT)
+    som = Som([hot, service("b", B)], act=act)
+    robot = Robot(som)
+    robot.core = Reconfigurator(ONTOLOGY, som, Settings(), dry_run=act)
+    robot.said.clear()
+    robot.table(1.0)
+    robot.idle(1.0)
+    robot.fail("/a", A, 10.0, "silent")
+    again = changed(som, "a", contain=Contain.NODE, period=0.1)
+    robot.handle(events.SomChanged(11.0, again))
+    robot.handle(events.SomChanged(12.0, som, ONTOLOGY))
+    robot.handle(events.Tick(30.0))
+    assert acts(robot.said) == [] and last_incident(robot.said).state is State.KEPT
+    robot.handle(events.SomChanged(31.0, Som(som), ONTOLOGY))
+    assert bool(acts(robot.said)) is not act

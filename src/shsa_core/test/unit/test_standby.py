@@ -214,8 +214,7 @@ def test_a_hot_substitute_stays_muted_after_the_original_returned() -> None:
     robot.killed(10.01, A)
     robot.row("/a", node, "healthy", 10.02, first=10.02)
     robot.table(10.03)
-    robot.row("/a", A, "healthy", 20.0)
-    robot.table(20.0)
+    robot.back(20.0)
     commands = robot.handle(events.Tick(22.5))
     assert last_incident(commands).state is State.ENDED
     assert not has(commands, events.StopSubstitute)

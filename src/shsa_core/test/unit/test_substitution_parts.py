@@ -1,4 +1,4 @@
-"""The parts of a substitute's core: schedule, inputs, program, and signals as text."""
+"""The parts of a substitute's core: schedule, inputs, program, signals as text, and stamps."""
 import json
 import math
 import random
@@ -12,8 +12,15 @@ from substitute_driver import DEADLINE, IN, OUT, Driver, row, signal
 
 from shsa_core.errors import ShsaError
 from shsa_core.language.memory import longest_gap
-from shsa_core.substitution.events import InputArrived, Tick
-from shsa_core.substitution.job import Job, Schedule
+from shsa_core.substitution.events import (
+    ConsumerJoined,
+    InputArrived,
+    LastMessage,
+    Publish,
+    RowChanged,
+    Tick,
+)
+from shsa_core.substitution.job import Job, Schedule, Stamps
 from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.settings import MADE_UP_S
 from shsa_core.substitution.signals import decode, encode
@@ -292,3 +299,81 @@ BAD_KEYS: List[Any] = [
 def test_what_is_no_signals_is_refused(text: str) -> None:
     with pytest.raises(ShsaError, match="SHSA_SIGNALS holds no signals"):
         decode(text)
+
+
+# Stamps.
+
+START = 1_700_000_000_000_000_000
+
+
+def at(time: float) -> int:
+    """ROS time of the driver's clock, in ns."""
+    return START + int(round(time * 1e9))
+
+
+def stamps(driver: Driver) -> List[int]:
+    """The stamps of what was published."""
+    return [c.stamp for _, c in driver.said if isinstance(c, Publish)]
+
+
+def hear(driver: Driver, topic: str, stamp: int) -> None:
+    """An input comes now with this stamp."""
+    driver.tell(InputArrived, topic, "/sensor", (("data", 1.0),), stamp, at(driver.time))
+
+
+TWO = "t0=x[0]; t1=x[1];\ndef _tf1(i1,i2): return i1+i2\nt2=_tf1(t0,t1);\ny=t2"
+
+
+def test_the_stamp_is_that_of_the_oldest_input() -> None:
+    inputs = (signal("/a"), signal("/b", deadline=None))
+    driver = Driver(row(True, inputs, TWO))
+    driver.ready()
+    driver.time = 1.0
+    hear(driver, "/b", at(0.5))
+    hear(driver, "/a", at(0.9))
+    assert stamps(driver) == [at(0.5)]
+    driver.time = 1.1
+    hear(driver, "/b", 0)  # it has no header: it counts from its arrival
+    driver.pass_to(1.12)
+    assert stamps(driver)[-1] == at(0.9)
+
+
+def test_a_stamp_is_neither_newer_than_now_nor_older_than_the_one_before() -> None:
+    driver = Driver(row())
+    driver.ready()
+    driver.time = 1.0
+    taken, last = replace(row(True), last_message=b"m"), LastMessage((("data", 1.0),), at(0.98))
+    driver.tell(RowChanged, taken, (), last)
+    hear(driver, "/in", at(0.90))
+    assert stamps(driver) == [at(0.98)]
+    driver.time = 1.02
+    hear(driver, "/in", at(5.0))
+    assert stamps(driver) == [at(0.98), at(1.02)]
+    driver.time = 1.04
+    hear(driver, "/in", at(1.0))
+    assert stamps(driver)[-1] == at(1.02)
+
+
+def test_who_joins_hears_the_same_message_with_the_same_stamp() -> None:
+    driver = Driver(row(True))
+    driver.ready()
+    driver.time = 1.0
+    hear(driver, "/in", at(0.9))
+    driver.time = 1.01
+    (message,) = driver.tell(ConsumerJoined, "/out", "/late")
+    assert (message.only, message.stamp) == ("/late", at(0.9))
+
+
+def test_a_clock_that_is_set_back_does_not_stop_the_stamps() -> None:
+    stamps_ = Stamps()
+    stamps_.clock(1.0, at(100.0))
+    assert stamps_.of("/a", at(100.0), 1.0) == at(100.0)
+    stamps_.clock(1.1, at(50.0))
+    assert stamps_.of("/a", at(50.0), 1.1) == at(50.0)
+
+
+def test_what_stands_on_nothing_measured_is_stamped_now() -> None:
+    stamps_ = Stamps()
+    assert stamps_.of("/a", 0, 1.0) == 0, "the shell's now"
+    stamps_.clock(1.0, at(1.0))
+    assert stamps_.of("/a", 0, 1.5) == at(1.5)

@@ -62,8 +62,7 @@ def test_its_incident_ends_in_the_record_once_its_node_is_back() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     succeed(robot, 20.0, (node,))
-    robot.row("/a", A, "healthy", 25.0)
-    robot.table(25.0)
+    robot.back(25.0)
     commands = robot.handle(events.Tick(28.0))
     assert (last_incident(commands).id, last_incident(commands).state) == (1, State.ENDED)
     assert only(commands, events.StopSubstitute).node == node
@@ -72,8 +71,7 @@ def test_its_incident_ends_in_the_record_once_its_node_is_back() -> None:
 def test_incidents_and_substitutes_are_numbered_on() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    robot.row("/a", A, "healthy", 12.0)
-    robot.table(12.0)
+    robot.back(12.0)
     robot.handle(events.Tick(15.0))
     del robot.rows["/a", node]  # its record that it does well is there yet
     succeed(robot, 20.0)
@@ -254,16 +252,14 @@ def test_a_death_at_any_command_of_a_takeover_leaves_one_publisher(commands: int
     succeed(robot, 11.0, tuple(started))
     assert publishing(robot) == (True,)
     (row,) = robot.working()
-    robot.row("/a", row.node, "healthy", 12.0, first=12.0)
-    assert last_incident(robot.table(12.0)).state is State.HEALED
+    assert last_incident(robot.heard(row.node, 12.0)).state is State.HEALED
     assert last_incident(robot.said).id == 1
 
 
 def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    robot.row("/a", A, "healthy", 12.0)
-    robot.table(12.0)
+    robot.back(12.0)
     robot.handle(events.Tick(15.0))
     commands = succeed(robot, 15.1, (node,))
     assert last_incident(commands).state is State.ENDED
@@ -288,8 +284,7 @@ def test_a_node_that_is_kept_out_stays_out() -> None:
     robot = Robot(switches=1)
     robot.heal(10.0)
     for time in (12.0, 30.0):
-        robot.row("/a", A, "healthy", time)
-        commands = robot.table(time)
+        commands = robot.back(time)
         if time == 12.0:
             robot.fail("/a", A, 13.0)
             robot.killed(13.1, A)
@@ -328,8 +323,7 @@ def test_a_hot_substitute_stands_by_on_after_a_death_as_its_incident_ended() -> 
     robot.fail("/a", A, 10.0)
     robot.killed(10.1, A)
     robot.row("/a", node, "healthy", 10.2, first=10.2)
-    robot.row("/a", A, "healthy", 12.0)
-    robot.table(12.0)
+    robot.back(12.0)
     assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
     commands = succeed(robot, 15.1, (node,))
     assert last_incident(commands).state is State.ENDED

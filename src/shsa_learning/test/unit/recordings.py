@@ -9,9 +9,12 @@ from std_msgs.msg import Float64
 from shsa_core.files.document import from_parameters
 from shsa_core.files.som_file import read_tree
 from shsa_core.model.som import Som
+from shsa_learning.recordings.recording import Recording, Series
 
 BEGIN_S = 1000.0
 """Begin of a bag."""
+CURRENT = ("/current", "std_msgs/Float64", "/amperemeter", {"current": "data"})
+SPEED = ("/odom", "nav_msgs/Odometry", "/wheels", {"speed": "twist.twist.linear.x"})
 
 
 class BagWriter:
@@ -73,3 +76,14 @@ def write_csv(path: Path, columns: Sequence[str], rows: Sequence[Sequence[Option
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n")
     return str(path)
+
+
+def only(recording: Recording) -> Series:
+    """Return the only series of a recording."""
+    (series,) = recording.series
+    return series
+
+
+def told(recording: Recording, text: str) -> bool:
+    """Return whether a note on a recording has that text."""
+    return any(text in note for note in recording.notes)

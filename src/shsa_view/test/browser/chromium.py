@@ -11,6 +11,35 @@ WAIT_S = 15.0
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
 WIDE = (1280, 900)
 PHONE = (360, 740)
+CONTRAST = 4.5
+"""WCAG 2.1 AA, of text."""
+PALE = """[...document.querySelectorAll('main *, header *, dialog *')].flatMap((element) => {
+  const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+  if (!own || !element.checkVisibility({checkOpacity: true}) || element.closest('svg')) return [];
+  if (element.getBoundingClientRect().width < 2) return [];
+  const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
+  const light = (color) => {
+    const [r, g, b] = numbers(color).map((part) => {
+      const value = part / 255;
+      return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
+    });
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  let behind = element;
+  const clear = (each) => numbers(getComputedStyle(each).backgroundColor)[3] === 0;
+  while (behind.parentElement && clear(behind)) behind = behind.parentElement;
+  const [one, other] = [getComputedStyle(element).color,
+    getComputedStyle(behind).backgroundColor].map(light).sort((a, b) => b - a);
+  const contrast = (one + 0.05) / (other + 0.05);
+  return contrast < arguments[0] ? [`${element.textContent}: ${contrast.toFixed(2)}`] : [];
+})"""
+"""Texts of too little contrast, each with how much it has."""
+OUTSIDE = """[...document.querySelectorAll('.values > div > *')].flatMap((element) => {
+  const own = element.getBoundingClientRect();
+  const cell = element.closest('td').getBoundingClientRect();
+  return own.right > cell.right || own.left < cell.left ? [element.textContent] : [];
+})"""
+"""Names and values that reach beyond their column."""
 
 Log = List[Dict[str, Any]]
 

@@ -8,7 +8,7 @@ from typing import Any, Dict, Iterator, List
 import genpy
 import pytest
 import rosbag
-from chromium import PHONE, WIDE, Browser
+from chromium import CONTRAST, OUTSIDE, PALE, PHONE, WIDE, Browser
 from documents import (
     BEGAN,
     EVIDENCE,
@@ -31,35 +31,6 @@ from shsa_testing.waiting import wait_until
 
 ROW = "tr[data-service=amperemeter]"
 NODE = "#service-amperemeter"
-CONTRAST = 4.5
-"""WCAG 2.1 AA, of text."""
-PALE = """[...document.querySelectorAll('main *, header *, dialog *')].flatMap((element) => {
-  const own = [...element.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
-  if (!own || !element.checkVisibility({checkOpacity: true}) || element.closest('svg')) return [];
-  if (element.getBoundingClientRect().width < 2) return [];
-  const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
-  const light = (color) => {
-    const [r, g, b] = numbers(color).map((part) => {
-      const value = part / 255;
-      return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
-    });
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
-  };
-  let behind = element;
-  const clear = (each) => numbers(getComputedStyle(each).backgroundColor)[3] === 0;
-  while (behind.parentElement && clear(behind)) behind = behind.parentElement;
-  const [one, other] = [getComputedStyle(element).color,
-    getComputedStyle(behind).backgroundColor].map(light).sort((a, b) => b - a);
-  const contrast = (one + 0.05) / (other + 0.05);
-  return contrast < arguments[0] ? [`${element.textContent}: ${contrast.toFixed(2)}`] : [];
-})"""
-
-OUTSIDE = """[...document.querySelectorAll('.values > div > *')].flatMap((element) => {
-  const own = element.getBoundingClientRect();
-  const cell = element.closest('td').getBoundingClientRect();
-  return own.right > cell.right || own.left < cell.left ? [element.textContent] : [];
-})"""
-"""Names and values that reach beyond their column."""
 
 
 @pytest.fixture(scope="module")
@@ -80,23 +51,23 @@ def browser(chromium: Browser) -> Iterator[Browser]:
 
 
 @pytest.fixture
-def served(caplog: Any) -> Iterator[List[Fed]]:
-    """Servers that end with the test, and have nothing to complain of."""
+def served(chromium: Browser, caplog: Any) -> Iterator[List[Fed]]:
+    """Servers that end with the test, after their page, and have nothing to complain of."""
     made: List[Fed] = []
     yield made
+    chromium.driver.get("about:blank")
     for each in made:
         each.close()
     assert [each.getMessage() for each in caplog.get_records("call") + caplog.records] == []
 
 
 @pytest.fixture
-def fed(served: List[Fed], browser: Browser) -> Iterator[Fed]:
+def fed(browser: Browser, served: List[Fed]) -> Fed:
     """A robot that is well, in the browser."""
     served.append(Fed(robot()))
     browser.open(served[0].address)
     browser.wait("document.querySelector('#graph svg') !== null")
-    yield served[0]
-    browser.driver.get("about:blank")
+    return served[0]
 
 
 def substituted() -> Document:
@@ -152,10 +123,7 @@ def test_a_failure_is_seen_everywhere(browser: Browser, fed: Fed, shared: bool) 
     assert "± 0.40 A" in browser.text(ROW)
     assert browser.run("document.querySelector('#glance').dataset.state") == "substituted"
     facts = browser.texts("#affected dt, #affected dd")
-    assert facts[:2] == [
-        "What failed",
-        "/amperemeter – node gone",
-    ]
+    assert facts[:2] == ["What failed", "/amperemeter – node gone"]
     assert facts[2:4] == ["Why", EVIDENCE]
     assert facts[5] == "/substitute_battery_current_1, from /battery_voltage/data by power"
     assert facts[7] == "battery_current ± 0.40 A; quality 0.87 of 1"
@@ -332,7 +300,6 @@ def test_markup_is_shown_as_text(chromium: Browser, served: List[Fed]) -> None:
     )
     told = {each["source"] for each in chromium.log()}
     assert told <= {"security"}, "what the policy refuses in the drawing is told"
-    chromium.driver.get("about:blank")
 
 
 def test_200_services_and_only_what_changes_is_touched(browser: Browser, served: List[Fed]) -> None:
@@ -358,7 +325,6 @@ def test_200_services_and_only_what_changes_is_touched(browser: Browser, served:
     browser.wait("document.querySelectorAll('#rows tr:not([hidden])').length === 10")
     served[0].state.tell(services={"sensor_150": None})
     browser.wait("document.querySelectorAll('#rows tr').length === 199")
-    browser.driver.get("about:blank")
 
 
 def all_fail(browser: Browser, fed: Fed) -> int:
@@ -416,7 +382,6 @@ def test_a_lost_connection_says_so_and_comes_back(chromium: Browser, served: Lis
     assert chromium.run("document.querySelector('#lost').hidden") is True
     chromium.wait("document.querySelectorAll('#rows tr').length === 1")
     assert {each["source"] for each in chromium.log()} == {"network"}
-    chromium.driver.get("about:blank")
 
 
 @pytest.mark.parametrize(
@@ -432,7 +397,6 @@ def test_a_phone_needs_no_sideways_scrolling(
     browser.run("document.querySelector('#rows .name').click()")
     browser.wait("document.querySelector('.left') !== null")
     assert browser.run("document.documentElement.scrollWidth") == PHONE[0]
-    browser.driver.get("about:blank")
 
 
 @pytest.mark.parametrize("size", [WIDE, PHONE], ids=["wide", "phone"])
@@ -447,7 +411,6 @@ def test_values_stay_in_their_column(browser: Browser, served: List[Fed], size: 
     browser.open(served[0].address)
     browser.wait("document.querySelector('#rows .told') !== null")
     assert browser.run(OUTSIDE) == []
-    browser.driver.get("about:blank")
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -484,4 +447,3 @@ def test_actions_need_a_token_and_a_yes(browser: Browser, served: List[Fed]) -> 
     browser.press("ESCAPE")
     browser.run("document.querySelector('.skips a').click()")
     assert browser.run("location.hash") == "#token=secret", "a skip keeps the token"
-    browser.driver.get("about:blank")
