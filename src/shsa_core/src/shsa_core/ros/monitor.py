@@ -37,7 +37,7 @@ from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.reader import Reader
+from shsa_core.ros.reader import event_of
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire, names
@@ -65,7 +65,6 @@ class MonitorNode:
         self._inbox = self._subscriptions.inbox
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
-        self._reader = Reader()
         self._last_messages = LastMessages()
         self._parameters = Workers("parameters")
         self._changes: Dict[Key, Optional[PublisherHealth]] = {}
@@ -178,7 +177,7 @@ class MonitorNode:
         if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
-        event = self._reader.event(arrived, self._subscriptions.waited(time), service)
+        event = event_of(arrived, self._subscriptions.waited(time), service)
         self._values[event.topic, event.publisher] = event.values
         self._feed(event)
 
