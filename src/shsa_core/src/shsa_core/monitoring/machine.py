@@ -3,7 +3,7 @@ from math import inf
 from typing import Dict, List, Optional, Set, Tuple
 
 from shsa_core import dispatch
-from shsa_core.model.health import Key, PublisherHealth
+from shsa_core.model.health import Key
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
@@ -67,10 +67,6 @@ class Monitor:
         self._board.now = seen.time
         self._handlers[type(event)](seen)
         return self._pace.ours(self._board.commands())
-
-    def table(self) -> Tuple[PublisherHealth, ...]:
-        """Return the health of every publisher, as of the last event."""
-        return self._pace.rows(tuple(each.row() for each in self._board.all()))
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
