@@ -7,13 +7,14 @@ is followed as any other, and told once it has proven better on what came after.
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, sqrt
-from typing import Dict, Iterable, List, Mapping, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Sequence, Tuple
 
 from shsa_core.codegen.generator import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
 from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
+from shsa_core.model.log import Level, Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.derivations import settings
@@ -60,9 +61,8 @@ class Fusions:
         """Tell that a plan is no fusion, or one that has proven better."""
         return all(each.proven for each in self._fused.values() if each.followed is followed)
 
-    def look(self, service: Service) -> Tuple[List[FollowedPlan], List[str]]:
-        """Judge the fusions of a service; return those that are given up, and lines for people."""
-        gone, said = [], []
+    def look(self, service: Service) -> Iterator[Log]:
+        """Judge the fusions of a service, give up the worse ones, and tell of the better ones."""
         for source in service.sources:
             key = service.name, source.property
             known = self._fused.get(key)
@@ -73,13 +73,13 @@ class Fusions:
             most = 1.0 if known.proven else settings.FUSED_GAIN
             there = set(known.parts) <= set(self._parts(source)) and known.followed.is_followed
             if ratio > most or max(blocks, default=0.0) > 1.0 or not there:
-                gone.append(self._fused.pop(key).followed)
+                del self._fused[key]
                 self._derivations.give_up(known.followed)
             elif ratio and not known.proven:
                 known.proven = True
                 by = ", ".join(known.followed.plan.relations)
-                said.append(f"{source.topic}: {by} errs {ratio:.2f} times as much as the best part")
-        return gone, said
+                text = f"{source.topic}: {by} errs {ratio:.2f} times as much as the best part"
+                yield Log(Level.INFO, text)
 
     def propose(self, service: Service, time: float) -> List[FollowedPlan]:
         """Return new fusions of a service's values, which are to be followed."""
