@@ -1,9 +1,8 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, List, Optional, Set, Tuple
+from typing import List, Optional, Set, Tuple
 
 from shsa_core import dispatch
-from shsa_core.model.health import Key
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
@@ -70,11 +69,7 @@ class Monitor:
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
-        return overview(self._som, self._board)
-
-    def messages(self) -> Dict[Key, int]:
-        """Return the number of messages of each publisher so far."""
-        return {publisher.key: publisher.messages for publisher in self._board.all()}
+        return overview(self._som, self._board, self._pace)
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service for whose checks a publisher is read; None if nobody can tell."""
@@ -212,7 +207,7 @@ class Monitor:
         excused = publisher.excused_until > -inf
         interrupted = publisher.reconnects_until > -inf
         teaches = publisher.is_healthy and not (excused or interrupted)
-        publisher.note_message(event.time)
+        publisher.note_message(event)
         if previous is None or excused:
             self._board.look_when_due(publisher)
         publisher.watched.come()

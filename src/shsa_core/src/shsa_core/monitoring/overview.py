@@ -1,12 +1,13 @@
 """Sums up for people how each service is doing, by all who publish for it."""
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import Dict, List, Tuple
 
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import FAILED, Board
+from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 
@@ -22,24 +23,30 @@ class Condition(Word):
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """One service, its condition in words, and the publishers that it comes from."""
+    """One service, its condition in words, and the publishers that it comes from.
+
+    `messages`: the number of messages of each of these so far. `values`: what a healthy one told
+    last, by property.
+    """
 
     service: Service
     condition: Condition
     detail: str
     publishers: Tuple[PublisherHealth, ...]
+    messages: Tuple[int, ...]
+    values: Dict[str, float]
     deadline: str = ""  # the silence that its node is allowed; empty: it is not learned
     bridged: int = 0  # so often has a muted substitute filled in for it
 
 
-def overview(som: Som, board: Board) -> Tuple[ServiceHealth, ...]:
+def overview(som: Som, board: Board, pace: Pace) -> Tuple[ServiceHealth, ...]:
     """Return every service of a SOM; the substitutes that stand by are left out."""
     suspicions = (s for p in board.all() if p.is_healthy for s in p.suspicions.values())
     doubts = {name: text for each in suspicions for name, text in each.doubts.items()}
-    return tuple(_health(service, board, doubts.get(service.name, "")) for service in som)
+    return tuple(_health(each, board, pace, doubts.get(each.name, "")) for each in som)
 
 
-def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
+def _health(service: Service, board: Board, pace: Pace, doubt: str) -> ServiceHealth:
     topic = board.topics[service.topic]
     concerned = [
         publisher
@@ -51,11 +58,20 @@ def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
     doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
-    rows = tuple(each.row() for each in concerned if each.name != NOBODY)
+    shown = [each for each in concerned if each.name != NOBODY]
+    rows = pace.rows(tuple(each.row() for each in shown))
+    counts = tuple(each.messages for each in shown)
+    values = {
+        name: value
+        for each in [each for each in shown if each.is_healthy][:1]
+        for name, value in zip(each.evidence.properties, each.values or ())
+        if value is not None
+    }
     watched = topic.services[service.name]
     gaps = watched.gaps
     deadline = "" if gaps is None else f"{gaps.allowed:.3f} s, {gaps.told()}"
-    return ServiceHealth(service, condition, detail, rows, deadline, watched.bridged)
+    told = rows, counts, values, deadline, watched.bridged
+    return ServiceHealth(service, condition, detail, *told)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

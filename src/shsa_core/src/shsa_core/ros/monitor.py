@@ -88,9 +88,8 @@ class MonitorNode:
         self._to_watch: Deque[str] = deque()
         self._looked = self._told_clock = self._fed = clock.now()
         self._subscribe_at = self._ahead = 0.0
-        self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
-            lambda: self._inbox.put(self._report),
+            lambda: self._inbox.put(lambda: self._diagnostics.show(self._core.overview())),
             diagnostics.MonitorRows(),
             signing,
             self._companion,
@@ -177,9 +176,7 @@ class MonitorNode:
         if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
-        event = event_of(arrived, self._subscriptions.waited(time), service)
-        self._values[event.topic, event.publisher] = event.values
-        self._feed(event)
+        self._feed(event_of(arrived, self._subscriptions.waited(time), service))
 
     def _feed(self, event: events.Event) -> None:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before
@@ -247,11 +244,6 @@ class MonitorNode:
             self._to_watch.popleft()
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-
-    def _report(self) -> None:
-        counts = self._core.messages()
-        self._values = {key: self._values[key] for key in counts if key in self._values}
-        self._diagnostics.show((self._core.overview(), counts, self._values.copy()))
 
 
 def _read(arguments: argparse.Namespace) -> Som:
