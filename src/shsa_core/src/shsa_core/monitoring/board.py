@@ -238,12 +238,6 @@ class Board:
         del publisher.topic.publishers[publisher.name]
         self.touch(publisher)
 
-    def drop_topic(self, name: str) -> None:
-        """Watch a topic no more."""
-        for publisher in list(self.topics[name].publishers.values()):
-            self.drop(publisher)
-        del self.topics[name]
-
     def forget_gone(self, topic: WatchedTopic) -> None:
         """Drop the publishers that are gone and missed by nobody: a healthy one is there."""
         gone = [p for p in topic.publishers.values() if not p.connected and p.name != NOBODY]

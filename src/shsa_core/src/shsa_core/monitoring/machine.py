@@ -88,7 +88,8 @@ class Monitor:
         self._judgement.watch(self._som)
         for name in before.topics():
             if not self._som.of_topic(name):
-                self._board.drop_topic(name)
+                for publisher in list(self._board.topics.pop(name).publishers.values()):
+                    self._board.drop(publisher)
         for name in self._som.topics():
             if self._som.of_topic(name) != before.of_topic(name):
                 self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
