@@ -26,11 +26,11 @@ class Monitor:
     def __init__(self, settings: Settings = Settings(), ontology: Ontology = EMPTY) -> None:
         self._settings = settings
         self._som = Som()
-        self._board = Board()
+        self._pace = Pace()
+        self._board = Board(self._pace.ours)
         self._around = Surroundings(self._board)
         self._start_up = StartUp(self._board, settings.startup_grace, self._around)
         self._judgement = Judgement(self._board, self._around, ontology, settings.deadlines)
-        self._pace = Pace()
         self._ending_nodes: Set[str] = set()
         self._ends = False
         self._handlers: dispatch.Table[None] = dispatch.table(
@@ -56,7 +56,7 @@ class Monitor:
 
         Messages move it away, save where the learned deadline has become shorter.
         """
-        return inf if self._ends else self._pace.due(self._board.agenda.next())
+        return inf if self._ends else self._pace.ours(self._board.agenda.next())
 
     def handle(self, event: Event) -> List[Command]:
         """Return what `event` brings to light: the rows that changed first."""
@@ -65,11 +65,11 @@ class Monitor:
         seen = self._pace.judged(event)
         self._board.now = seen.time
         self._handlers[type(event)](seen)
-        return self._pace.ours(self._board.commands())
+        return self._board.commands()
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
-        return overview(self._som, self._board, self._pace)
+        return overview(self._som, self._board)
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service for whose checks a publisher is read; None if nobody can tell."""

@@ -7,7 +7,6 @@ from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_core.monitoring.board import FAILED, Board
-from shsa_core.monitoring.pace import Pace
 from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 
@@ -39,14 +38,14 @@ class ServiceHealth:
     bridged: int = 0  # so often has a muted substitute filled in for it
 
 
-def overview(som: Som, board: Board, pace: Pace) -> Tuple[ServiceHealth, ...]:
+def overview(som: Som, board: Board) -> Tuple[ServiceHealth, ...]:
     """Return every service of a SOM; the substitutes that stand by are left out."""
     suspicions = (s for p in board.all() if p.is_healthy for s in p.suspicions.values())
     doubts = {name: text for each in suspicions for name, text in each.doubts.items()}
-    return tuple(_health(each, board, pace, doubts.get(each.name, "")) for each in som)
+    return tuple(_health(service, board, doubts.get(service.name, "")) for service in som)
 
 
-def _health(service: Service, board: Board, pace: Pace, doubt: str) -> ServiceHealth:
+def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
     topic = board.topics[service.topic]
     concerned = [
         publisher
@@ -59,7 +58,7 @@ def _health(service: Service, board: Board, pace: Pace, doubt: str) -> ServiceHe
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
     shown = [each for each in concerned if each.name != NOBODY]
-    rows = pace.rows(tuple(each.row() for each in shown))
+    rows = tuple(each.row(board.ours) for each in shown)
     counts = tuple(each.messages for each in shown)
     values = {
         name: value

@@ -2,7 +2,7 @@
 import re
 from dataclasses import dataclass, field
 from math import inf
-from typing import Dict, List, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
@@ -183,10 +183,12 @@ class Publisher:
         if self.first_message is None:
             self.first_message = time
 
-    def row(self) -> PublisherHealth:
-        """Return its row in the table."""
-        whose = self.topic.name, self.name, self.state
-        row = (*whose, self.since, self.first_message, self.last_good, self.kind, self.detail)
+    def row(self, ours: Callable[[float], float]) -> PublisherHealth:
+        """Return its row in the table, with `ours` of its moments."""
+        moments = self.first_message, self.last_good
+        first_message, last_good = (None if each is None else ours(each) for each in moments)
+        whose = self.topic.name, self.name, self.state, ours(self.since)
+        row = (*whose, first_message, last_good, self.kind, self.detail)
         return PublisherHealth(*row, self.service.name, uri=self.uri)
 
 
