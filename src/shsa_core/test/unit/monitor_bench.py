@@ -132,8 +132,8 @@ class Bench:
         # Under simulated time, so is when it was.
         when = {"since": 0.0} if self.core._pace.simulated else {}
         strip = lambda each: replace(each, first_message=None, last_good=None, **when)
-        table = {each.key: strip(each) for each in self.core.table()}
-        assert table == {key: strip(each) for key, each in self.rows.items()}
+        now = {each.key: strip(each) for each in table(self.core)}
+        assert now == {key: strip(each) for key, each in self.rows.items()}
 
     def connect(self, node: str = NODE, topic: str = TOPIC, uri: str = "") -> None:
         self.send(Connected(self.now, topic, node, uri))
@@ -190,6 +190,11 @@ class Bench:
 
     def kinds(self) -> List[Tuple[str, str]]:
         return [(f.publisher, str(f.kind)) for f in self.failures]
+
+
+def table(core: Monitor) -> Tuple[PublisherHealth, ...]:
+    """Return the health of every publisher, as of the last event."""
+    return tuple(each.row(core._board.ours) for each in core._board.all())
 
 
 def check_tables(core: Monitor) -> None:

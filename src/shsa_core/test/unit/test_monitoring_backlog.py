@@ -4,7 +4,7 @@ from typing import List, Optional
 
 import pytest
 
-from monitor_bench import check_tables
+from monitor_bench import check_tables, table
 from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Provision, Service
@@ -50,7 +50,7 @@ class Link:
 
     @property
     def state(self) -> PublisherState:
-        return self.monitor.table()[0].state
+        return table(self.monitor)[0].state
 
 
 @pytest.mark.parametrize("stamped", [True, False])
@@ -64,11 +64,11 @@ def test_what_was_sent_while_a_link_was_down_is_neither_good_nor_bad(
         link.feed(Tick(5.0 + 0.1 * number))
     assert link.failures == [Kind.SILENT]
     up = 5.0 + seconds
-    last_good = link.monitor.table()[0].last_good
+    last_good = table(link.monitor)[0].last_good
     for number in range(round(seconds / PERIOD)):  # within a tenth of a second
         link.hear(up + 0.1 * number * PERIOD / seconds, 5.0 + number * PERIOD)
     assert link.failures == [Kind.SILENT] and link.state is PublisherState.FAILED
-    assert link.monitor.table()[0].last_good == last_good
+    assert table(link.monitor)[0].last_good == last_good
     link.stream(up + 0.12, up + 0.5)
     assert link.failures == [Kind.SILENT] and link.state is PublisherState.HEALTHY
 
@@ -97,4 +97,4 @@ def test_messages_of_a_clock_set_back_in_a_silence_are_judged_and_not_held_for_e
         link.feed(Tick(5.0 + 0.1 * number))
     for number in range(150):  # 60 s too old by their stamps
         link.hear(6.0 + number * PERIOD, 6.0 + number * PERIOD - 60.0)
-    assert link.monitor.table()[0].kind is Kind.STALE_STAMP
+    assert table(link.monitor)[0].kind is Kind.STALE_STAMP

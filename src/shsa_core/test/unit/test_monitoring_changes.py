@@ -3,7 +3,17 @@ import json
 from dataclasses import replace
 
 import pytest
-from monitor_bench import NODE, PERIOD, TOPIC, Bench, message_checks, provision, service, streaming
+from monitor_bench import (
+    NODE,
+    PERIOD,
+    TOPIC,
+    Bench,
+    message_checks,
+    provision,
+    service,
+    streaming,
+    table,
+)
 
 from shsa_core.journal.codec import Codec
 from shsa_core.model.checks import Checks, Jump, RateHigh, default_checks
@@ -179,7 +189,7 @@ def test_what_was_never_good_is_told_as_that() -> None:
     bench.connect()
     bench.stream(3)
     assert "the SOM may be wrong" in bench.failures[0].detail
-    assert "the SOM may be wrong" in bench.core.table()[0].detail
+    assert "the SOM may be wrong" in table(bench.core)[0].detail
 
 
 def test_a_rate_that_was_never_good_is_told_as_that() -> None:

@@ -5,7 +5,7 @@ from random import Random
 from typing import Iterator, List
 
 import pytest
-from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service, stamped
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, service, stamped, table
 
 from shsa_core.model.checks import Checks, default_checks
 from shsa_core.model.health import PublisherHealth
@@ -345,13 +345,13 @@ def test_what_was_held_up_on_its_way_is_neither_good_nor_evidence() -> None:
     bench = Bench(service(checks=Checks(tuple(c for c in Checks().each if c.kind != "rate_high"))))
     bench.connect()
     feed(bench, values, 300)
-    heard = bench.core.table()[0].last_good
+    heard = table(bench.core)[0].last_good
     bench.now += 2.0
     for step in range(100):
         age = 2.0 - step * PERIOD
         message = Message(bench.now + step * 1e-4, TOPIC, NODE, (next(values),), age=age)
         bench.send(message)
-        assert bench.core.table()[0].last_good == heard
+        assert table(bench.core)[0].last_good == heard
     assert bench.failures == []
 
 

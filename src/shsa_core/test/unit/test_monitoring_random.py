@@ -6,7 +6,7 @@ from typing import Any, Dict, Optional, Tuple
 import hypothesis
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
-from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service
+from monitor_bench import DEADLINE, PERIOD, Bench, message_checks, provision, row, service, table
 
 from shsa_core.model.checks import UnknownPublisher
 from shsa_core.model.health import PublisherHealth, PublisherState
@@ -67,7 +67,7 @@ class AnyRobot(RuleBasedStateMachine):
             return
         for topic in self.som.topics():
             assert any(key[0] == topic for key in self.bench.rows), "nobody is told of a topic"
-        for health in self.bench.core.table():
+        for health in table(self.bench.core):
             assert self.som.of_topic(health.topic), "a topic that nobody watches"
             self.check_row(health)
 
@@ -100,7 +100,7 @@ class AnyRobot(RuleBasedStateMachine):
         """Only what a healthy publisher contradicts is refused."""
         asked = self.som.services[refusal.service.name]
         assert asked != refusal.service, "nothing is refused"
-        rows = [row for row in self.bench.core.table() if row.topic == asked.topic]
+        rows = [row for row in table(self.bench.core) if row.topic == asked.topic]
         assert any(row.state is PublisherState.HEALTHY for row in rows), "nobody contradicts"
 
     def check_row(self, health: PublisherHealth) -> None:

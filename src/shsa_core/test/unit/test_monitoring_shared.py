@@ -1,7 +1,7 @@
 """Several services on one topic: each is judged by its own."""
 from typing import Any, List
 
-from monitor_bench import PERIOD, Bench, message_checks, provision, row, service
+from monitor_bench import PERIOD, Bench, message_checks, provision, row, service, table
 
 from shsa_core.healing.events import HealthSeen, WriteDown
 from shsa_core.healing.health import Health
@@ -129,7 +129,7 @@ def test_one_of_two_services_leaves_a_topic() -> None:
     bench.wait(16.0)
     assert len(bench.failures) == 2
     bench.watch(service(name="arm", topic="/joint_states", node="/arm_driver"))
-    assert [(each.publisher, each.state) for each in bench.core.table()] == [("", "unknown")]
+    assert [(each.publisher, each.state) for each in table(bench.core)] == [("", "unknown")]
     bench.connect("/stranger", "/joint_states")
     named = bench.core.service_of("/joint_states", "/stranger")
     assert named is not None and named.name == "arm"

@@ -2,7 +2,7 @@
 from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import pytest
-from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, service, streaming, table
 
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
@@ -327,9 +327,9 @@ def test_a_publisher_that_drops_connections_and_says_nothing_is_found(bench: Ben
 def test_an_interruption_of_who_is_not_known_is_nothing(
     bench: Bench, whom: Tuple[str, str]
 ) -> None:
-    before = bench.core.table()
+    before = table(bench.core)
     bench.interrupt(whom[1], whom[0])
-    assert bench.core.table() == before
+    assert table(bench.core) == before
 
 
 def short_of_time(bench: Bench, seconds: float, share: float, *nodes: str, who: str = "") -> None:

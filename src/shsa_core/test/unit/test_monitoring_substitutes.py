@@ -5,7 +5,7 @@ from typing import List
 
 
 import pytest
-from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service
+from monitor_bench import DEADLINE, NODE, PERIOD, TOPIC, Bench, provision, row, service, table
 
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
@@ -54,7 +54,7 @@ def test_what_a_gate_keeps_back_is_no_failure_and_no_health(bench: Bench) -> Non
     bench.send(SubstitutionsChanged(bench.now, (row_of(True),)))
     bench.message(node=node)
     assert bench.state(node) == "healthy"
-    (health,) = [each for each in bench.core.table() if each.publisher == node]
+    (health,) = [each for each in table(bench.core) if each.publisher == node]
     assert health.first_message is not None and health.first_message >= began
 
 

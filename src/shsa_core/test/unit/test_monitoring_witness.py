@@ -4,6 +4,7 @@ from random import Random
 from typing import Any, Dict, List, Optional, Set
 
 import pytest
+from monitor_bench import table
 
 from shsa_core.derivations.agreement import _agree as agree
 from shsa_core.model.calibration import CalibrationRow, CalibrationsChanged
@@ -90,7 +91,7 @@ def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontol
     robot.run(30.0, current=4.0)
     assert len(robot.failures) == 1
     robot.run(5.0)
-    state = {row.topic: str(row.state) for row in robot.core.table()}
+    state = {row.topic: str(row.state) for row in table(robot.core)}
     assert state["/current"] == "healthy"
 
 
@@ -170,12 +171,12 @@ def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None
     assert robot.failures == []
     (told,) = robot.told
     assert "nobody can tell which is wrong" in told
-    (row,) = (each for each in robot.core.table() if each.topic == "/current")
+    (row,) = (each for each in table(robot.core) if each.topic == "/current")
     assert row.state == "healthy" and row.detail in told
     assert healthy(robot)["current"] == "doubtful"
     robot.run(10.0)
     assert set(healthy(robot).values()) == {"healthy"}
-    (row,) = (each for each in robot.core.table() if each.topic == "/current")
+    (row,) = (each for each in table(robot.core) if each.topic == "/current")
     assert row.detail == ""
 
 

@@ -1,6 +1,6 @@
 """Diagnostics of each service: its state by all its publishers."""
 from dataclasses import replace
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, List, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -9,10 +9,10 @@ from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service, s
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline
-from shsa_core.monitoring.events import SubstitutionsChanged
+from shsa_core.monitoring.events import ClockTicked, Message, SubstitutionsChanged
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
-from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, Values, healing_rows
+from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, healing_rows
 from shsa_core.ros.master.master_watch import MasterState
 
 SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
@@ -34,12 +34,9 @@ def publishers(bench: Bench) -> List[str]:
     return [each.publisher for each in shown(bench).publishers]
 
 
-def statuses(
-    bench: Bench, rows: MonitorRows, values: Optional[Values] = None
-) -> Dict[str, DiagnosticStatus]:
+def statuses(bench: Bench, rows: MonitorRows) -> Dict[str, DiagnosticStatus]:
     """The monitor's rows as they are published."""
-    given = bench.core.overview(), bench.core.messages(), values or {}
-    return {each.name: each for each in rows(given)}
+    return {each.name: each for each in rows(bench.core.overview())}
 
 
 def level(bench: Bench) -> int:
@@ -172,7 +169,8 @@ def test_a_row_has_its_publishers_as_values(monkeypatch: pytest.MonkeyPatch) -> 
     status = statuses(bench, rows)["current"]
     assert (status.hardware_id, status.message.split(":")[0]) == (NODE, "substituted")
     values = {each.key: each.value for each in status.values}
-    assert list(values) == ["topic", NODE, SUBSTITUTE] and values["topic"] == TOPIC
+    assert list(values) == ["topic", NODE, SUBSTITUTE, "battery_current"]
+    assert values["topic"] == TOPIC
     assert values[NODE].startswith("failed, node_gone")
     assert values[SUBSTITUTE] == "healthy, 50.0 Hz, last good message 0.00 s ago"
 
@@ -187,11 +185,8 @@ def test_a_row_has_the_deadline_that_is_learned() -> None:
 
 def test_a_row_has_the_newest_values_of_who_is_healthy() -> None:
     bench = substituted()
-    bench.stream(50, SUBSTITUTE)
-    told: Values = {(TOPIC, NODE): (1.0,), (TOPIC, SUBSTITUTE): (2.5,)}
-    found = {
-        each.key: each.value for each in statuses(bench, MonitorRows(), told)["current"].values
-    }
+    bench.stream(50, SUBSTITUTE, value=2.5)
+    found = {each.key: each.value for each in statuses(bench, MonitorRows())["current"].values}
     assert found["battery_current"] == "2.5"
 
 
@@ -199,8 +194,24 @@ def test_a_value_that_nobody_tells_is_not_in_the_row() -> None:
     bench = substituted()
     bench.stream(50, SUBSTITUTE)
     for told in ((None,), None):
-        status = statuses(bench, MonitorRows(), {(TOPIC, SUBSTITUTE): told})["current"]
+        bench.send(Message(bench.now, TOPIC, SUBSTITUTE, told))
+        status = statuses(bench, MonitorRows())["current"]
         assert "battery_current" not in {each.key for each in status.values}
+
+
+def test_the_last_good_message_is_as_old_as_it_is_while_simulated_time_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = Bench()
+    monkeypatch.setattr(diagnostics.clock, "now", lambda: bench.now)
+    bench.send(ClockTicked(bench.now, 0.0, simulated=True))
+    bench.connect()
+    bench.stream(10)
+    bench.wait(5.0)
+    bench.send(ClockTicked(bench.now, 0.0, simulated=True))
+    bench.stream(1)
+    found = {each.key: each.value for each in statuses(bench, MonitorRows())["current"].values}
+    assert found[NODE].endswith("last good message 0.00 s ago")
 
 
 def test_no_row_is_missed_by_an_analyzer_after_a_return() -> None:

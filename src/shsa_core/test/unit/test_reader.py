@@ -13,7 +13,7 @@ from shsa_core.model.checks import Checks
 from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.ros.messages.fields import HEADER_END
-from shsa_core.ros.reader import Reader
+from shsa_core.ros.reader import event_of
 from shsa_core.ros.sockets.connection import Connection
 from shsa_core.ros.sockets.subscriptions import Arrived
 
@@ -47,7 +47,6 @@ class Watched:
             read_buff=io.BytesIO(),
         )
         self.connection = Connection(TOPIC, transport)
-        self.reader = Reader()
         self.copied = 0
 
     def hear(self, data: bytes, of: Optional[Service]) -> List[Message]:
@@ -55,7 +54,7 @@ class Watched:
         frames = self.connection.frames.take()
         self.copied = sum(len(frame.data) for frame in frames)
         came = [Arrived(AT, self.connection, *frame[:2], round(AT * 1e9)) for frame in frames]
-        return [self.reader.event(each, 0.0, of) for each in came]
+        return [event_of(each, 0.0, of) for each in came]
 
 
 def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:

@@ -6,8 +6,8 @@ computed from the service watches the others. docs/explanation/errors.md tells w
 """
 from collections import deque
 from math import inf
-from typing import Callable, Deque, FrozenSet, Iterator, List, NamedTuple, Optional, Set, Tuple
-from typing import Union
+from typing import Callable, Deque, FrozenSet, Iterable, Iterator, NamedTuple, Optional, Set
+from typing import Tuple, Union
 
 from shsa_core.codegen.plans import plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -41,13 +41,18 @@ class _Wanted(NamedTuple):
 class Calibrations:
     """Follows plans for the services of a SOM, and tells how they are calibrated. Times in s.
 
-    `is_there`: the own node of a service is healthy, and has told something.
+    `is_there`: the own node of a service is healthy, and has told something. `say`: tell others.
     """
 
     def __init__(
-        self, ontology: Ontology, derivations: Derivations, is_there: Callable[[Service], bool]
+        self,
+        ontology: Ontology,
+        derivations: Derivations,
+        is_there: Callable[[Service], bool],
+        say: Callable[[Iterable[Said]], object],
     ) -> None:
-        self._ontology, self._derivations, self._is_there = ontology, derivations, is_there
+        self._ontology, self._derivations = ontology, derivations
+        self._is_there, self._say = is_there, say
         self._som = Som()
         self._predictor: Optional[Predictor] = None
         self._planned: FrozenSet[str] = frozenset()
@@ -58,33 +63,30 @@ class Calibrations:
         self._fusions = Fusions(ontology, derivations)
         self._turn = 0
 
-    def watch(
-        self, som: Som, predictor: Optional[Predictor], gone: List[FollowedPlan]
-    ) -> List[Said]:
-        """Follow plans for the services of `som`; those that are `gone` are told no more."""
+    def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
+        """Follow plans for the services of `som`."""
         self._som, self._predictor = som, predictor
         self._planned, self._replan_at = frozenset(), -inf
         self._wanted.clear()
-        return _removed(gone)
 
-    def tick(self, time: float) -> List[Said]:
+    def tick(self, time: float) -> None:
         """Look at what was learned, and search a plan."""
-        refreshed = self._derivations.refreshed()
+        refreshed, gone = self._derivations.news()
         told = [each for each in refreshed if self._speaks_for(each) and self._fusions.tells(each)]
-        said: List[Said] = [log for each in told for log in self._kept_back(each)]
+        self._say(log for each in told for log in self._kept_back(each))
         rows = {each.key: _row(each) for each in told if _has_moved(each)}
-        if rows:
-            said.append(CalibrationsChanged(tuple(rows.values())))
+        removed = tuple(each.key for each in gone if each.key not in rows)
+        if rows or removed:
+            self._say([CalibrationsChanged(tuple(rows.values()), removed)])
         if time >= self._replan_at:
             self._replan_at = time + settings.REFRESH_S
             for service in (each for each in self._som if not self._is_there(each)):
                 self._derivations.unmeasured(service, time)  # though nobody may speak for it
             self._plan()
-            said += self._fuse(time)
+            self._fuse(time)
         if self._wanted and time >= self._search_at:
             self._search_at = time + settings.SEARCH_S
-            said += self._search(self._wanted.popleft())
-        return said
+            self._search(self._wanted.popleft())
 
     def _speaks_for(self, followed: FollowedPlan) -> bool:
         """Tell if a plan is the first of those that have its program, and read other nodes."""
@@ -92,16 +94,13 @@ class Calibrations:
         same = (each for each in plans if each.substitutes and each.key == followed.key)
         return next(same, None) is followed
 
-    def _fuse(self, time: float) -> List[Said]:
+    def _fuse(self, time: float) -> None:
         """Look at what is fused of one service that is there, one after the other."""
-        said: List[Said] = []
         self._turn += 1
         for name in sorted(self._planned)[self._turn % max(1, len(self._planned)) :][:1]:
-            gone, proven = self._fusions.look(self._som.services[name])
-            said += [*_removed(gone), *(Log(Level.INFO, text) for text in proven)]
+            self._say(self._fusions.look(self._som.services[name]))
             for followed in self._fusions.propose(self._som.services[name], time):
                 self._follow(followed, fused=True)
-        return said
 
     def _plan(self) -> None:
         there = frozenset(service.name for service in self._som if self._is_there(service))
@@ -128,22 +127,23 @@ class Calibrations:
             return False
         return is_angle(source.provision.field) or known.unit.strip() not in UNITS_OF_ANGLES
 
-    def _search(self, wanted: _Wanted) -> List[Said]:
+    def _search(self, wanted: _Wanted) -> None:
         assert self._table is not None
         service, first = wanted.service, len(wanted.excluded) == 1
-        said = self._rest(service.name) if first else []
+        if first:
+            self._rest(service.name)
         question = self._ontology, service, self._table, wanted.excluded
         watched = self._ontology, service.sources, self._table.excluding(wanted.excluded)
         try:
             if wanted.watches:
                 plan = plan_sources(*watched, predictor=self._predictor)
                 if all(service.name in each.service.upstream for each in plan.inputs):
-                    return said  # it would only repeat what the service says
+                    return  # it would only repeat what the service says
             else:
                 plan = plan_service(*question, predictor=self._predictor)
             followed = self._derivations.made(plan)
         except ShsaError:
-            return said  # nothing would take its place
+            return  # nothing would take its place
         self._follow(followed)
         if first:
             nodes = dict.fromkeys(source.node for source in plan.inputs)
@@ -151,20 +151,17 @@ class Calibrations:
             self._wanted.extend(
                 _Wanted(service, each, w) for each in without for w in (False, True)
             )
-        return said
 
-    def _rest(self, service: str) -> List[Said]:
+    def _rest(self, service: str) -> None:
         """Follow no plan for a service, and give up those that rested for long."""
         plans = self._derivations.plans(service)
         resting = [plan for plan in plans if not plan.is_followed]
-        gone = resting[: -2 * settings.PLANS]
-        for plan in gone:
+        for plan in resting[: -2 * settings.PLANS]:
             self._derivations.give_up(plan)
         for plan in plans:
             if plan.substitutes:
                 plan.substitutes = False
                 plan.doubt()
-        return _removed(gone)
 
     def _follow(self, followed: FollowedPlan, fused: bool = False) -> None:
         """Follow a plan from now on, unless there are enough, or it teaches nothing."""
@@ -192,10 +189,6 @@ class Calibrations:
                 what = f"{source.property} and what is derived of it part by {own.pull:.3g}"
                 text = f"{source.topic}: {what}: its calibration stays as it was"
                 yield Log(Level.WARN, text)
-
-
-def _removed(gone: List[FollowedPlan]) -> List[Said]:
-    return [CalibrationsChanged((), tuple(each.key for each in gone))] if gone else []
 
 
 def _row(followed: FollowedPlan) -> CalibrationRow:

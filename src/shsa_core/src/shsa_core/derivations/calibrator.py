@@ -9,7 +9,7 @@ docs/explanation/errors.md tells what teaches, and when.
 """
 from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
-from typing import Deque, Dict, List, Optional, Tuple
+from typing import Collection, Deque, Dict, List, Optional, Tuple
 
 from shsa_core.model.calibration import PRIOR_GAIN, UNCALIBRATED, Calibration, aged, beyond
 from shsa_core.model.error import Error
@@ -68,7 +68,7 @@ class Calibrator:
             return UNCALIBRATED
         calibrated = [each for _, each, _ in self._errors]
         plain = [each for *_, each in self._errors]
-        if _rms(calibrated) < _rms(plain) and not self._whole:
+        if rms(calibrated) < rms(plain) and not self._whole:
             return Calibration(*self._applied, _error(calibrated))
         return Calibration(error=_error(plain))
 
@@ -140,7 +140,7 @@ class Calibrator:
     def _is_as_stated(self) -> bool:
         """The relation is about as good as it is known to be: what is learned may be a drift."""
         plain = [each for *_, each in self._errors]
-        return bool(plain) and _rms(plain) <= settings.AS_STATED * self._stated
+        return bool(plain) and rms(plain) <= settings.AS_STATED * self._stated
 
     def _note(self, time: float, derived: float, residual: float) -> None:
         """Note what would have been published, less what was measured: before it is learned."""
@@ -157,7 +157,7 @@ class Calibrator:
         if self._shift.settled:
             return self._shift.step
         late = [each for _, each, _ in self._errors][len(self._errors) // 2 :]
-        return max(self._stated, _rms(late or [0.0]))
+        return max(self._stated, rms(late or [0.0]))
 
 
 class _Slope:
@@ -217,11 +217,12 @@ class _Limited:
             self.value += min(max(wanted - self.value, -most), most)
 
 
-def _rms(values: List[float]) -> float:
+def rms(values: Collection[float]) -> float:
+    """Return the root mean square of some values."""
     return sqrt(sum(value * value for value in values) / len(values))
 
 
 def _error(values: List[float]) -> Error:
     count, sizes = len(values), sorted(abs(value) for value in values)
     p95 = sizes[ceil(0.95 * count) - 1]
-    return Error(_rms(values), sum(values) / count, p95, n=count, source=SOURCE)
+    return Error(rms(values), sum(values) / count, p95, n=count, source=SOURCE)

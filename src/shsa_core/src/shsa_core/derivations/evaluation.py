@@ -176,13 +176,14 @@ class Derivations:
         self._deadlines = deadlines
         self._services: Dict[str, _Heard] = {}
         self._refreshed: List[FollowedPlan] = []
+        self._gone: List[FollowedPlan] = []
 
-    def watch(self, som: Som) -> List[FollowedPlan]:
+    def watch(self, som: Som) -> None:
         """Go on with the services of `som`, but for those that have changed.
 
-        Nobody is a witness any more. Returns the plans that are given up.
+        Nobody is a witness any more.
         """
-        known, gone = self._services, []
+        known = self._services
         plans = [plan for heard in known.values() for plan in heard.plans]
         goes_on = {s.name for s in som if s.name in known and known[s.name].service == s}
         self._services = {
@@ -196,8 +197,7 @@ class Derivations:
             if followed.plan.service in goes_on and followed.reads <= self._services.keys():
                 self._keep(followed)
             else:
-                gone.append(followed)
-        return gone
+                self._gone.append(followed)
 
     def _keep(self, followed: FollowedPlan) -> None:
         self._services[followed.plan.service].plans.append(followed)
@@ -206,6 +206,7 @@ class Derivations:
 
     def give_up(self, followed: FollowedPlan) -> None:
         """Forget a plan, and what it has learned."""
+        self._gone.append(followed)
         self._services[followed.plan.service].plans.remove(followed)
         for name in followed.reads:
             self._services[name].readers.discard(followed)
@@ -299,10 +300,10 @@ class Derivations:
                     if output.derived is not None and not plan.doubtful:
                         yield output.derived
 
-    def refreshed(self) -> List[FollowedPlan]:
-        """Return the plans of which new calibrations are known since the last call."""
-        refreshed, self._refreshed = self._refreshed, []
-        return refreshed
+    def news(self) -> Tuple[List[FollowedPlan], List[FollowedPlan]]:
+        """Return the plans with new calibrations, and those given up, since the last call."""
+        news, self._refreshed, self._gone = (self._refreshed, self._gone), [], []
+        return news
 
     def _evaluate(self, followed: FollowedPlan, time: float) -> None:
         known = [self._value(source, time) for source in followed.plan.inputs]

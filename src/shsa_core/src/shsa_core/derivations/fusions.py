@@ -7,16 +7,18 @@ is followed as any other, and told once it has proven better on what came after.
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, sqrt
-from typing import Dict, Iterable, List, Mapping, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, Sequence, Tuple
 
 from shsa_core.codegen.generator import NAMES, fuse
 from shsa_core.codegen.plans import Plan, make_plan
 from shsa_core.errors import ShsaError
 from shsa_core.model.error import Error
 from shsa_core.model.field import is_angle
+from shsa_core.model.log import Level, Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.derivations import settings
+from shsa_core.derivations.calibrator import rms
 from shsa_core.derivations.evaluation import Derivations, FollowedPlan, Output
 from shsa_core.search.derivation import Derivation, Rated, rate_joint
 
@@ -44,7 +46,7 @@ class _Fused:
             return []
         step = -(-len(common) // settings.FUSED_BLOCKS)
         blocks = [common, *(common[i : i + step] for i in range(0, len(common), step))]
-        errors = [[_rms(column[time] for time in block) for column in columns] for block in blocks]
+        errors = [[rms([column[time] for time in block]) for column in columns] for block in blocks]
         return [own / max(min(others), SMALLEST) for own, *others in errors]
 
 
@@ -60,9 +62,8 @@ class Fusions:
         """Tell that a plan is no fusion, or one that has proven better."""
         return all(each.proven for each in self._fused.values() if each.followed is followed)
 
-    def look(self, service: Service) -> Tuple[List[FollowedPlan], List[str]]:
-        """Judge the fusions of a service; return those that are given up, and lines for people."""
-        gone, said = [], []
+    def look(self, service: Service) -> Iterator[Log]:
+        """Judge the fusions of a service, give up the worse ones, and tell of the better ones."""
         for source in service.sources:
             key = service.name, source.property
             known = self._fused.get(key)
@@ -73,13 +74,13 @@ class Fusions:
             most = 1.0 if known.proven else settings.FUSED_GAIN
             there = set(known.parts) <= set(self._parts(source)) and known.followed.is_followed
             if ratio > most or max(blocks, default=0.0) > 1.0 or not there:
-                gone.append(self._fused.pop(key).followed)
+                del self._fused[key]
                 self._derivations.give_up(known.followed)
             elif ratio and not known.proven:
                 known.proven = True
                 by = ", ".join(known.followed.plan.relations)
-                said.append(f"{source.topic}: {by} errs {ratio:.2f} times as much as the best part")
-        return gone, said
+                text = f"{source.topic}: {by} errs {ratio:.2f} times as much as the best part"
+                yield Log(Level.INFO, text)
 
     def propose(self, service: Service, time: float) -> List[FollowedPlan]:
         """Return new fusions of a service's values, which are to be followed."""
@@ -118,7 +119,7 @@ class Fusions:
         derivation = Derivation(function.output, None, function, tuple(derivations))
         joint = rate_joint([Rated((0, 0, 0), 1.0, derivation)])
         plan = make_plan(self._ontology, (source,), joint, False, None)
-        least = settings.FUSED_GAIN * min(_rms(part.errors.values()) for part in parts)
+        least = settings.FUSED_GAIN * min(rms(part.errors.values()) for part in parts)
         return replace(plan, errors=(Error(least),))
 
 
@@ -127,7 +128,7 @@ def shares(columns: Sequence[Errors]) -> Dict[int, float]:
     known = [i for i, column in enumerate(columns) if len(column) >= settings.FUSED]
     if not known:
         return {}
-    first = min(known, key=lambda i: _rms(columns[i].values()))
+    first = min(known, key=lambda i: rms(columns[i].values()))
     found, sum_ = {first: 1.0}, columns[first]
     while len(found) < min(len(known), len(NAMES)):
         options = [(*_joined(sum_, columns[i]), i) for i in known if i not in found]
@@ -147,9 +148,4 @@ def _joined(one: Errors, other: Errors) -> Tuple[float, float, Errors]:
     if len(pairs) < settings.FUSED or not settings.LEAST_SHARE <= share <= 1 - settings.LEAST_SHARE:
         return inf, 0.0, one
     joined = {time: (1.0 - share) * x + share * y for time, (x, y) in pairs.items()}
-    return _rms(joined.values()) / sqrt(a / len(pairs)), share, joined
-
-
-def _rms(values: Iterable[float]) -> float:
-    squares = [value * value for value in values]
-    return sqrt(sum(squares) / max(1, len(squares)))
+    return rms(joined.values()) / sqrt(a / len(pairs)), share, joined

@@ -105,7 +105,6 @@ ROWS = (
         lambda case: not case.robot_came,
     ),
 )
-NOBODY_CAME = ROWS[-1].why
 
 
 def decide(case: Case) -> Optional[Alibi]:

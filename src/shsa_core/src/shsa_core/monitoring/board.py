@@ -1,6 +1,6 @@
 """Keeps up the table of health: who publishes what, how each is doing, and what changed."""
 from math import inf
-from typing import Dict, Iterable, Iterator, List, Optional, Tuple, Union
+from typing import Callable, Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
 from shsa_core.model.checks import BY_VALUE
@@ -67,9 +67,13 @@ class Substitutes:
 
 
 class Board:
-    """The watched topics with their publishers, as of `now`, in s, and every change of them."""
+    """The watched topics with their publishers, as of `now`, in s, and every change of them.
 
-    def __init__(self) -> None:
+    `ours`: make a moment by which publishers are judged one of our clock, as rows have it.
+    """
+
+    def __init__(self, ours: Callable[[float], float]) -> None:
+        self.ours = ours
         self.now = -inf
         self.topics: Dict[str, WatchedTopic] = {}
         self.substitutes = Substitutes()
@@ -106,9 +110,10 @@ class Board:
         commands, self._said = self._said, []
         if self._touched:
             found = {key: self.find(*key) for key in self._touched}
-            rows = tuple(publisher.row() for publisher in found.values() if publisher)
+            rows = tuple(each.row(self.ours) for each in found.values() if each)
             removed = tuple(key for key, publisher in found.items() if not publisher)
-            commands.insert(0, HealthChanged(self.now, rows, removed, tuple(self._failed)))
+            failed = tuple(self._failed)
+            commands.insert(0, HealthChanged(self.ours(self.now), rows, removed, failed))
         self._failed, self._touched = [], {}
         return commands
 
@@ -208,7 +213,7 @@ class Board:
         if _never_good(publisher, kind):
             detail = f"{detail}; {NEVER_GOOD}"
         publisher.become(self.now, FAILED, kind, detail)
-        self._failed.append(publisher.row())
+        self._failed.append(publisher.row(self.ours))
         self.touch(publisher)
 
     def note(self, publisher: Publisher, detail: str, log: bool = False) -> None:
@@ -237,12 +242,6 @@ class Board:
         """Forget a publisher."""
         del publisher.topic.publishers[publisher.name]
         self.touch(publisher)
-
-    def drop_topic(self, name: str) -> None:
-        """Watch a topic no more."""
-        for publisher in list(self.topics[name].publishers.values()):
-            self.drop(publisher)
-        del self.topics[name]
 
     def forget_gone(self, topic: WatchedTopic) -> None:
         """Drop the publishers that are gone and missed by nobody: a healthy one is there."""

@@ -31,21 +31,22 @@ class Judgement:
     ) -> None:
         self._board, self._around, self._ontology, self._som = board, around, ontology, Som()
         self._derivations = Derivations(deadlines)
-        self._calibrations = Calibrations(ontology, self._derivations, board.is_there)
-        self._witnesses = Witnesses(ontology, self._derivations)
+        known = ontology, self._derivations
+        self._calibrations = Calibrations(*known, board.is_there, board.say)
+        self._witnesses = Witnesses(*known)
 
     def watch(self, som: Som) -> None:
         """Judge the services of `som` from now on; what is derived of a changed one begins anew."""
         self._som, knows = som, predictor(self._ontology, som.sources)
-        gone = self._derivations.watch(som)
-        self._board.say(self._calibrations.watch(som, knows, gone))
+        self._derivations.watch(som)
+        self._calibrations.watch(som, knows)
         self._witnesses.watch(som, knows)
         for publisher in self._board.all():
             publisher.suspicions.clear()
 
     def tick(self) -> None:
         """Look at what was learned of derivations."""
-        self._board.say(self._calibrations.tick(self._board.now))
+        self._calibrations.tick(self._board.now)
 
     def message(self, publisher: Publisher, event: Message, previous: Optional[float]) -> bool:
         """Judge a message, the one before came at `previous`; tell if it is good."""

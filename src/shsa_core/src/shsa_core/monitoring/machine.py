@@ -1,9 +1,8 @@
 """The monitor's core: judges each publisher of a service by its messages and connections."""
 from math import inf
-from typing import Dict, List, Optional, Set, Tuple
+from typing import List, Optional, Set, Tuple
 
 from shsa_core import dispatch
-from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import QUIET, Kind
 from shsa_core.model.ontology import EMPTY, Ontology
 from shsa_core.model.service import Service
@@ -27,11 +26,11 @@ class Monitor:
     def __init__(self, settings: Settings = Settings(), ontology: Ontology = EMPTY) -> None:
         self._settings = settings
         self._som = Som()
-        self._board = Board()
+        self._pace = Pace()
+        self._board = Board(self._pace.ours)
         self._around = Surroundings(self._board)
         self._start_up = StartUp(self._board, settings.startup_grace, self._around)
         self._judgement = Judgement(self._board, self._around, ontology, settings.deadlines)
-        self._pace = Pace()
         self._ending_nodes: Set[str] = set()
         self._ends = False
         self._handlers: dispatch.Table[None] = dispatch.table(
@@ -57,7 +56,7 @@ class Monitor:
 
         Messages move it away, save where the learned deadline has become shorter.
         """
-        return inf if self._ends else self._pace.due(self._board.agenda.next())
+        return inf if self._ends else self._pace.ours(self._board.agenda.next())
 
     def handle(self, event: Event) -> List[Command]:
         """Return what `event` brings to light: the rows that changed first."""
@@ -66,19 +65,11 @@ class Monitor:
         seen = self._pace.judged(event)
         self._board.now = seen.time
         self._handlers[type(event)](seen)
-        return self._pace.ours(self._board.commands())
-
-    def table(self) -> Tuple[PublisherHealth, ...]:
-        """Return the health of every publisher, as of the last event."""
-        return self._pace.rows(tuple(each.row() for each in self._board.all()))
+        return self._board.commands()
 
     def overview(self) -> Tuple[ServiceHealth, ...]:
         """Return how every service is doing, as of the last event."""
         return overview(self._som, self._board)
-
-    def messages(self) -> Dict[Key, int]:
-        """Return the number of messages of each publisher so far."""
-        return {publisher.key: publisher.messages for publisher in self._board.all()}
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service for whose checks a publisher is read; None if nobody can tell."""
@@ -97,7 +88,8 @@ class Monitor:
         self._judgement.watch(self._som)
         for name in before.topics():
             if not self._som.of_topic(name):
-                self._board.drop_topic(name)
+                for publisher in list(self._board.topics.pop(name).publishers.values()):
+                    self._board.drop(publisher)
         for name in self._som.topics():
             if self._som.of_topic(name) != before.of_topic(name):
                 self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
@@ -216,7 +208,7 @@ class Monitor:
         excused = publisher.excused_until > -inf
         interrupted = publisher.reconnects_until > -inf
         teaches = publisher.is_healthy and not (excused or interrupted)
-        publisher.note_message(event.time)
+        publisher.note_message(event)
         if previous is None or excused:
             self._board.look_when_due(publisher)
         publisher.watched.come()

@@ -1,6 +1,6 @@
 """Sums up for people how each service is doing, by all who publish for it."""
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import Dict, List, Tuple
 
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Word
@@ -22,12 +22,18 @@ class Condition(Word):
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """One service, its condition in words, and the publishers that it comes from."""
+    """One service, its condition in words, and the publishers that it comes from.
+
+    `messages`: the number of messages of each of these so far. `values`: what a healthy one told
+    last, by property.
+    """
 
     service: Service
     condition: Condition
     detail: str
     publishers: Tuple[PublisherHealth, ...]
+    messages: Tuple[int, ...]
+    values: Dict[str, float]
     deadline: str = ""  # the silence that its node is allowed; empty: it is not learned
     bridged: int = 0  # so often has a muted substitute filled in for it
 
@@ -51,11 +57,20 @@ def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
     doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
-    rows = tuple(each.row() for each in concerned if each.name != NOBODY)
+    shown = [each for each in concerned if each.name != NOBODY]
+    rows = tuple(each.row(board.ours) for each in shown)
+    counts = tuple(each.messages for each in shown)
+    values = {
+        name: value
+        for each in [each for each in shown if each.is_healthy][:1]
+        for name, value in zip(each.evidence.properties, each.values or ())
+        if value is not None
+    }
     watched = topic.services[service.name]
     gaps = watched.gaps
     deadline = "" if gaps is None else f"{gaps.allowed:.3f} s, {gaps.told()}"
-    return ServiceHealth(service, condition, detail, rows, deadline, watched.bridged)
+    told = rows, counts, values, deadline, watched.bridged
+    return ServiceHealth(service, condition, detail, *told)
 
 
 def _concerns(publisher: Publisher, service: Service) -> bool:

@@ -6,11 +6,9 @@ is judged by the clock that speaks for it: silence and low rates by the slower o
 the faster one.
 """
 from dataclasses import replace
-from math import inf
-from typing import List, Optional, Tuple
+from typing import Optional
 
-from shsa_core.model.health import PublisherHealth
-from shsa_core.monitoring.events import ClockTicked, Command, Event, HealthChanged, Message
+from shsa_core.monitoring.events import ClockTicked, Event, Message
 from shsa_core.monitoring.settings import AGE_LEAST_S
 
 
@@ -53,26 +51,9 @@ class Pace:
             return replace(event, time=self._slow, apart=apart, waited=event.waited + self._ahead)
         return replace(event, time=self._slow)
 
-    def due(self, moment: float) -> float:
-        """Return when a moment can be reached at the earliest."""
-        if not self.simulated or moment == inf:
-            return moment
-        return self._now + (moment - self._slow)
+    def ours(self, moment: float) -> float:
+        """Return a moment at our time, as of now; one to come can be reached then at the earliest.
 
-    def ours(self, commands: List[Command]) -> List[Command]:
-        """Return commands at our time; what lies back does so by the publisher's clock."""
-        return [
-            replace(each, time=self._now, rows=self.rows(each.rows), failed=self.rows(each.failed))
-            if isinstance(each, HealthChanged)
-            else each
-            for each in commands
-        ]
-
-    def rows(self, rows: Tuple[PublisherHealth, ...]) -> Tuple[PublisherHealth, ...]:
-        """Return rows of the table at our time again."""
-        return tuple(self._row(row) for row in rows) if self.simulated else rows
-
-    def _row(self, row: PublisherHealth) -> PublisherHealth:
-        times = {"since": row.since, "first_message": row.first_message, "last_good": row.last_good}
-        ours = {n: self._now + (t - self._slow) for n, t in times.items() if t is not None}
-        return replace(row, **ours)  # type: ignore[arg-type]
+        What lies back does so by the publisher's clock.
+        """
+        return self._now + (moment - self._slow) if self.simulated else moment

@@ -2,7 +2,7 @@
 import re
 from dataclasses import dataclass, field
 from math import inf
-from typing import Dict, List, Optional, Sequence, Set, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Set, Tuple
 
 from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
@@ -11,6 +11,7 @@ from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
+from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Evidence, Learned
 from shsa_core.monitoring.learned import LearnedDeadline
 
@@ -69,6 +70,7 @@ class Publisher:
     last_heard: Optional[float] = None
     last_good: Optional[float] = None
     messages: int = 0
+    values: Optional[Tuple[Optional[float], ...]] = None  # of the newest message
     silent_since: Optional[float] = None  # its last message, or that it is heard again after one
     excused_until: float = -inf  # by then its silence has an alibi
     reconnects_until: float = -inf  # by then a lost connection is given anew; -inf: none was
@@ -170,8 +172,9 @@ class Publisher:
         self.first_message = self.last_heard = self.silent_since = None
         self.backlog = Backlog()
 
-    def note_message(self, time: float) -> None:
+    def note_message(self, message: Message) -> None:
         """Count a message."""
+        time, self.values = message.time, message.values
         self.messages += 1
         if self.last_heard is not None and time - self.last_heard <= self.allowed:
             self.steady = True
@@ -180,10 +183,12 @@ class Publisher:
         if self.first_message is None:
             self.first_message = time
 
-    def row(self) -> PublisherHealth:
-        """Return its row in the table."""
-        whose = self.topic.name, self.name, self.state
-        row = (*whose, self.since, self.first_message, self.last_good, self.kind, self.detail)
+    def row(self, ours: Callable[[float], float]) -> PublisherHealth:
+        """Return its row in the table, with `ours` of its moments."""
+        moments = self.first_message, self.last_good
+        first_message, last_good = (None if each is None else ours(each) for each in moments)
+        whose = self.topic.name, self.name, self.state, ours(self.since)
+        row = (*whose, first_message, last_good, self.kind, self.detail)
         return PublisherHealth(*row, self.service.name, uri=self.uri)
 
 

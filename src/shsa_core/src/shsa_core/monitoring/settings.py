@@ -31,7 +31,7 @@ MISSED_PERIODS = 1.5
 SLOW_PACE = 0.8
 """Of its rate: half way to what counts as too low where the SOM says nothing."""
 REMEMBERED = 200
-"""Connections, and gaps, that are remembered."""
+"""Gaps that are remembered."""
 
 # Evidence.
 RATE_MESSAGES, RATE_SECONDS = 20, 1.0

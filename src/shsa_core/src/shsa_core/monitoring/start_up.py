@@ -4,7 +4,7 @@ from math import inf
 from typing import Iterator
 
 from shsa_core.model.kinds import Kind
-from shsa_core.monitoring.alibis import NOBODY_CAME, Case, decide
+from shsa_core.monitoring.alibis import Case, decide
 from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.events import FormerlyHealthy
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
@@ -87,7 +87,7 @@ class StartUp:
         if alibi is None:
             self._blame(topic, watched)
             return
-        if alibi.why == NOBODY_CAME and not self._told:
+        if not (case.robot_came or self._told):
             self._told = True
             services = (each.service for each in self._services())
             named = ", ".join(f"{each.topic} from {each.node}" for each in services)

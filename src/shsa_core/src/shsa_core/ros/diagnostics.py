@@ -7,7 +7,7 @@ import queue
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -15,9 +15,8 @@ from std_msgs.msg import Header
 
 from shsa_core.healing.incident import Incident, State
 from shsa_core.hosts.conversation import RemoteHost
-from shsa_core.model.health import Key, PublisherHealth, PublisherState
+from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.service import Service
-from shsa_core.monitoring.evidence import checked_provisions
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import AGE_LEAST_S
 from shsa_core.ros import clock, settings
@@ -113,12 +112,8 @@ def refused_row(counts: List[Tuple[str, int]]) -> DiagnosticStatus:
     return _row("refused messages", WARN if total else OK, str(total), values)
 
 
-Values = Dict[Key, Optional[Tuple[Optional[float], ...]]]
-"""The values in the newest message of each publisher: those of `checked_provisions`."""
 Rates = Dict[Key, float]
 """The messages/s of each publisher since the last look."""
-Overview = Tuple[Iterable[ServiceHealth], Dict[Key, int], Values]
-"""The health of every service, the number of messages of each publisher, and the newest values."""
 
 
 class MonitorRows:
@@ -131,17 +126,16 @@ class MonitorRows:
         self._counts: Dict[Key, int] = {}
         self._shown = 0.0
 
-    def __call__(self, overview: Overview) -> List[DiagnosticStatus]:
-        services, counts, values = overview
+    def __call__(self, services: Tuple[ServiceHealth, ...]) -> List[DiagnosticStatus]:
+        heard = (zip(each.publishers, each.messages) for each in services)
+        counts = {row.key: count for rows in heard for row, count in rows}
         now = clock.now()
         elapsed, known = now - self._shown, counts.keys() & self._counts.keys()
         rates = {key: (counts[key] - self._counts[key]) / elapsed for key in known}
         self._counts, self._shown = counts, now
-        return [self._row(each, rates, now, newest(each, values)) for each in services]
+        return [self._row(each, rates, now) for each in services]
 
-    def _row(
-        self, health: ServiceHealth, rates: Rates, now: float, values: Iterable[Tuple[str, float]]
-    ) -> DiagnosticStatus:
+    def _row(self, health: ServiceHealth, rates: Rates, now: float) -> DiagnosticStatus:
         told = [(p.publisher, self._publisher(p, rates, now)) for p in health.publishers]
         if health.deadline:
             told.append(("deadline", health.deadline))
@@ -153,7 +147,7 @@ class MonitorRows:
         if health.service.weakened:
             told.append((WEAKENED, health.service.weakened))
             text, level = f"{text}; {WEAKENED}: {health.service.weakened}", max(level, WARN)
-        told += [(name, f"{value:.9g}") for name, value in values]
+        told += [(name, f"{value:.9g}") for name, value in health.values.items()]
         return _service_row(health.service, level, text, told)
 
     def _publisher(self, row: PublisherHealth, rates: Rates, now: float) -> str:
@@ -163,15 +157,6 @@ class MonitorRows:
         if row.last_good is not None:
             told.append(f"last good message {now - row.last_good:.2f} s ago")
         return ", ".join(told)
-
-
-def newest(health: ServiceHealth, values: Values) -> Iterator[Tuple[str, float]]:
-    """The newest value of each property that a healthy publisher of a service has told."""
-    healthy = (p.key for p in health.publishers if p.state is PublisherState.HEALTHY)
-    told = values.get(next(healthy, ("", ""))) or ()
-    for provision, value in zip(checked_provisions(health.service), told):
-        if value is not None:
-            yield provision.property, value
 
 
 Duties = Mapping[str, Tuple[str, ...]]

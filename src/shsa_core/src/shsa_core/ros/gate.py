@@ -20,7 +20,7 @@ from shsa_core.monitoring.events import Disconnected, Tick
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
-from shsa_core.ros.reader import ALL, Reader
+from shsa_core.ros.reader import ALL, event_of
 from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
@@ -45,7 +45,6 @@ class GateNode:
         self._core = Gate(self._service, first, self._fed)
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
-        self._reader = Reader(ALL)
         self._written = as_written(self._kind)
         self._publisher = rospy.Publisher(
             self._service.heard,
@@ -86,7 +85,7 @@ class GateNode:
         time, connection, data, _, _ = arrived
         overheard = connection.topic == self._service.heard
         judged = None if overheard else self._core.service_of(connection.publisher)
-        message = self._reader.event(arrived, self._subscriptions.waited(time), judged)
+        message = event_of(arrived, self._subscriptions.waited(time), judged, ALL)
         sent, error = connection.header, message.error
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             ours = self._kind._type

@@ -37,7 +37,7 @@ from shsa_core.ros.processes.heartbeats import RECONFIGURATOR, Signs
 from shsa_core.ros.processes.kernel import waited_in_all
 from shsa_core.ros.processes.launch import Launch, Launches, await_turn
 from shsa_core.ros.processes.watching import Companion
-from shsa_core.ros.reader import Reader
+from shsa_core.ros.reader import event_of
 from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire, names
@@ -65,7 +65,6 @@ class MonitorNode:
         self._inbox = self._subscriptions.inbox
         # Only the monitor that the reconfigurator watches may hear, and so end, it in turn.
         self._companion = Companion(RECONFIGURATOR, Signs(names.monitor_of(arguments.host)))
-        self._reader = Reader()
         self._last_messages = LastMessages()
         self._parameters = Workers("parameters")
         self._changes: Dict[Key, Optional[PublisherHealth]] = {}
@@ -89,9 +88,8 @@ class MonitorNode:
         self._to_watch: Deque[str] = deque()
         self._looked = self._told_clock = self._fed = clock.now()
         self._subscribe_at = self._ahead = 0.0
-        self._values: diagnostics.Values = {}
         self._diagnostics = diagnostics.Diagnostics(
-            lambda: self._inbox.put(self._report),
+            lambda: self._inbox.put(lambda: self._diagnostics.show(self._core.overview())),
             diagnostics.MonitorRows(),
             signing,
             self._companion,
@@ -178,9 +176,7 @@ class MonitorNode:
         if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
-        event = self._reader.event(arrived, self._subscriptions.waited(time), service)
-        self._values[event.topic, event.publisher] = event.values
-        self._feed(event)
+        self._feed(event_of(arrived, self._subscriptions.waited(time), service))
 
     def _feed(self, event: events.Event) -> None:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before
@@ -248,11 +244,6 @@ class MonitorNode:
             self._to_watch.popleft()
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
-
-    def _report(self) -> None:
-        counts = self._core.messages()
-        self._values = {key: self._values[key] for key in counts if key in self._values}
-        self._diagnostics.show((self._core.overview(), counts, self._values.copy()))
 
 
 def _read(arguments: argparse.Namespace) -> Som:

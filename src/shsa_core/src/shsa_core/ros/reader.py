@@ -24,44 +24,37 @@ class _Needs(NamedTuple):
     header: bool = False
 
 
-class Reader:
-    """Reads the messages of every connection, each as the service needs it that it is judged by.
+def event_of(
+    arrived: Arrived, waited: float, service: Optional[Service], unjudged: Wanted = HEAD
+) -> Message:
+    """Return the event that a message makes, read as the service needs it that it is judged by.
 
-    `unjudged`: what is wanted of messages of which no value is judged.
+    It may have `waited` for us for so many s. `unjudged`: what is wanted of messages of which no
+    value is judged. What was not copied is not judged.
     """
+    time, connection, data, whole, ros_time = arrived
+    needs: Optional[_Needs] = connection.needs
+    if needs is None or (needs.service is not service and needs.service != service):
+        needs = connection.needs = _needs(connection, service)
+        connection.frames.wanted = ALL if needs.values is not None else unjudged
+    values, error, age, stamped = None, "", None, 0
+    form: Parts = ()
+    if needs.values is not None and whole:
+        try:
+            values, form = needs.values.values(data), needs.values.form()
+        except ShsaError as refusal:
+            error = str(refusal)
+    if needs.header:
+        stamped, form = stamp(data), form or frame(data)
+        age = (ros_time - stamped) / 1e9 if stamped else None
+    whom = (connection.topic, connection.publisher)
+    return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
 
-    def __init__(self, unjudged: Wanted = HEAD) -> None:
-        self._unjudged = unjudged
 
-    def event(self, arrived: Arrived, waited: float, service: Optional[Service]) -> Message:
-        """Return the event that a message makes, which may have `waited` for us for so many s.
-
-        What was not copied is not judged.
-        """
-        time, connection, data, whole, ros_time = arrived
-        needs: Optional[_Needs] = connection.needs
-        if needs is None or (needs.service is not service and needs.service != service):
-            needs = self._learn(connection, service)
-        values, error, age, stamped = None, "", None, 0
-        form: Parts = ()
-        if needs.values is not None and whole:
-            try:
-                values, form = needs.values.values(data), needs.values.form()
-            except ShsaError as refusal:
-                error = str(refusal)
-        if needs.header:
-            stamped, form = stamp(data), form or frame(data)
-            age = (ros_time - stamped) / 1e9 if stamped else None
-        whom = (connection.topic, connection.publisher)
-        return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
-
-    def _learn(self, connection: Connection, service: Optional[Service]) -> _Needs:
-        needs = _Needs(service)
-        fields = tuple(each.field for each in checked_provisions(service)) if service else ()
-        if service is not None and (fields or checks_header(service)):
-            decoder = connection.decoder(service.type, fields)
-            if decoder is not None:
-                needs = _Needs(service, decoder if fields else None, decoder.has_stamp)
-        connection.needs = needs
-        connection.frames.wanted = ALL if needs.values is not None else self._unjudged
-        return needs
+def _needs(connection: Connection, service: Optional[Service]) -> _Needs:
+    fields = tuple(each.field for each in checked_provisions(service)) if service else ()
+    if service is not None and (fields or checks_header(service)):
+        decoder = connection.decoder(service.type, fields)
+        if decoder is not None:
+            return _Needs(service, decoder if fields else None, decoder.has_stamp)
+    return _Needs(service)
