@@ -8,32 +8,23 @@ import os
 import re
 import sys
 from importlib.machinery import PathFinder
-from typing import Any, Dict, List, Mapping
+from typing import Any, Dict, Mapping
 
 from shsa_core.errors import ShsaError
 from shsa_core.text import shown
 
-_NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]{0,99})/([A-Za-z][A-Za-z0-9_]{0,99})")
-
-
-def available() -> bool:
-    """Return whether message types can be looked up here."""
-    try:
-        importlib.import_module("genpy.message")
-    except ImportError:
-        return False
-    return True
+NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]{0,99})/([A-Za-z][A-Za-z0-9_]{0,99})")
 
 
 def message_class(name: str) -> Any:
     """The class of the message type `name`; raises ShsaError if it is not built here."""
-    parts = _NAME.fullmatch(name)
+    parts = NAME.fullmatch(name)
     if parts is None:
         raise ShsaError(
             f"'{shown(name, 100)}' is no message type: one is written like std_msgs/Float64"
         )
     package, base = parts.groups()
-    if not _built(package, "msg", f"_{base}"):
+    if not is_built(package, "msg", f"_{base}"):
         raise ShsaError(f"message type {name} is not known here: build its package and source it")
     try:
         found: Any = getattr(importlib.import_module(f"{package}.msg"), base)
@@ -46,7 +37,7 @@ def message_class(name: str) -> Any:
     return found
 
 
-def _built(package: str, kind: str, module: str = "__init__") -> bool:
+def is_built(package: str, kind: str, module: str) -> bool:
     """Return whether a package has a generated module, `kind`: msg or srv. Nothing is loaded."""
     folders = [os.path.join(folder, package, kind) for folder in sys.path]
     return PathFinder.find_spec(module, folders) is not None
@@ -60,21 +51,3 @@ def layout(name: str) -> Mapping[str, str]:
 def layout_of(found: Any) -> Dict[str, str]:
     """The fields of a message class and their types."""
     return dict(zip(found.__slots__, found._slot_types))
-
-
-def types_beside(name: str) -> List[str]:
-    """The messages in the package of the type `name`; none if the package is not here."""
-    package = name.split("/")[0]
-    if not _built(package, "msg"):
-        return []
-    try:
-        module = importlib.import_module(f"{package}.msg")
-    except ImportError:
-        return []
-    return [each for each, value in vars(module).items() if hasattr(value, "_md5sum")]
-
-
-def is_service(name: str) -> bool:
-    """Return whether `name` is not a message type but a ROS service's."""
-    package, _, base = name.partition("/")
-    return _NAME.fullmatch(name) is not None and _built(package, "srv", f"_{base}")

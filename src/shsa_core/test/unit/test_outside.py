@@ -8,6 +8,7 @@ import pathlib
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from typing import Any, Dict, List
 
 import audit
@@ -30,7 +31,7 @@ from shsa_core.monitoring.events import Message, Tick
 from shsa_core.monitoring.settings import Settings as MonitorSettings
 from shsa_core.substitution import signals
 
-needs_ros = pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
+needs_ros = pytest.mark.skipif(find_spec("genpy") is None, reason="there is no ROS here")
 
 NO_TYPES = [
     "unittest.__main__/x",
@@ -66,9 +67,6 @@ def test_a_name_that_is_no_message_type_has_nothing_loaded(name: str) -> None:
         for look in (message_types.message_class, message_types.layout):
             with pytest.raises(ShsaError, match="message type"):
                 look(name)
-        assert message_types.is_service(name) is False
-        if "std_msgs" not in name:
-            assert message_types.types_beside(name) == []
     assert set(sys.modules) == before
     assert not {"exec", "subprocess.Popen", "os.system", "compile"} & set(events)
 

@@ -281,7 +281,7 @@ def test_another_program_takes_the_place_of_the_old_one_in_phase() -> None:
     driver.time = 0.01
     spare = row(True, (signal("/spare"),))
     (listen, *_) = driver.change(spare)
-    assert listen == events.Listen((signal("/spare"),))
+    assert listen == events.Listen(signal("/spare"))
     driver.arrive(9.0, "/spare")
     assert values(driver.pass_to(0.04)) == [(9.0,), (9.0,)]
     driver.change(row(True))
@@ -352,7 +352,7 @@ def test_an_idle_process_prepares_for_what_it_can_and_names_the_rest() -> None:
     said = driver.change(idle((IN, strange), (OUT, strange)), ((strange, "no_such is not built"),))
     assert said == [
         events.Log(Level.WARN, "does not prepare for /strange/data: no_such is not built"),
-        events.Listen((IN,)),
+        events.Listen(IN),
         events.Advertise("/out", "std_msgs/Float64"),
     ]
     driver.ready()

@@ -56,7 +56,7 @@ def test_a_prepared_topic_is_not_advertised_again_but_looked_after() -> None:
     driver.ready("/a")
     driver.time = 10.0
     assert driver.change(row(outputs=(A,))) == [
-        events.Listen((signal("/in"),)),
+        events.Listen(signal("/in")),
         events.Compose("/a", FLOAT, (("data", None),)),
     ]
     assert looks(driver, 60.0)[-6:] == [10.05, 10.15, 10.35, 10.75, 11.55, 13.15]
@@ -92,7 +92,7 @@ def test_after_a_takeover_other_topics_are_withdrawn_with_a_delay() -> None:
     driver.change(row(publishing=True, outputs=(A,)))
     delay = WITHDRAW_DELAY_S
     assert only(driver.pass_to(delay - 0.001), events.Withdraw) == []
-    assert only(driver.pass_to(delay), events.Withdraw) == [events.Withdraw(("/b",))]
+    assert only(driver.pass_to(delay), events.Withdraw) == [events.Withdraw("/b")]
     assert driver.core._advertising.topics == ("/a",)
 
 
@@ -103,12 +103,12 @@ def test_a_topic_that_is_wanted_again_is_not_withdrawn() -> None:
     driver.change(row(outputs=(B,)))
     driver.pass_to(10.0)
     withdrawn = [c for _, c in driver.said if isinstance(c, events.Withdraw)]
-    assert withdrawn == [events.Withdraw(("/a",))]
+    assert withdrawn == [events.Withdraw("/a")]
 
 
 def test_an_idle_process_takes_topics_back_at_once() -> None:
     driver = Driver(idle(outputs=(A, B)))
-    assert driver.change(idle(outputs=(B,))) == [events.Withdraw(("/a",))]
+    assert driver.change(idle(outputs=(B,))) == [events.Withdraw("/a")]
 
 
 def standing_in(**of: Any) -> Driver:
@@ -256,8 +256,8 @@ def test_what_an_idle_process_cannot_use_is_not_listened_to_when_other_plans_com
         events.PlansChanged(2.0, (Substitution("", "a", (fine, strange), "", (out,)),), whole=True)
     )
     commands += core.handle(events.PlansChanged(3.0, (Substitution("", "b", (fine,), "", ()),)))
-    listened = [each.inputs for each in commands if isinstance(each, events.Listen)]
-    assert listened == [(fine,)]
+    listened = [each.signal for each in commands if isinstance(each, events.Listen)]
+    assert listened == [fine]
 
 
 def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
@@ -269,10 +269,10 @@ def test_an_idle_process_leaves_the_topics_of_plans_that_are_gone() -> None:
     assert events.Advertise("/out", "std_msgs/Float64") in commands
     core.handle(events.Advertised(2.1, "/out"))
     commands = core.handle(events.PlansChanged(3.0, (), removed=("a",)))
-    assert events.Withdraw(("/out",)) in commands
+    assert events.Withdraw("/out") in commands
     commands = core.handle(events.PlansChanged(4.0, (plan,)))
     assert events.Advertise("/out", "std_msgs/Float64") in commands
-    assert events.Withdraw(("/out",)) in core.handle(events.PlansChanged(5.0, (), whole=True))
+    assert events.Withdraw("/out") in core.handle(events.PlansChanged(5.0, (), whole=True))
 
 
 def test_plans_that_are_not_in_the_whole_table_are_prepared_for_no_more() -> None:
@@ -282,7 +282,7 @@ def test_plans_that_are_not_in_the_whole_table_are_prepared_for_no_more() -> Non
     driver.ready("/a")
     driver.ready("/b")
     commands = driver.tell(events.PlansChanged, (plans[1],), (), True)
-    assert [each.topics for each in only(commands, events.Withdraw)] == [("/a",)]
+    assert only(commands, events.Withdraw) == [events.Withdraw("/a")]
 
 
 def test_a_topic_that_was_prepared_keeps_its_type() -> None:
@@ -303,4 +303,4 @@ def test_an_idle_process_prepares_for_the_plans_of_its_own_computer() -> None:
     assert advertised == ["/h"]
     core.handle(events.Advertised(2.1, "/h"))
     moved = replace(plans[0], host="board")
-    assert events.Withdraw(("/h",)) in core.handle(events.PlansChanged(3.0, (moved,)))
+    assert events.Withdraw("/h") in core.handle(events.PlansChanged(3.0, (moved,)))

@@ -123,8 +123,8 @@ def test_a_message_without_a_value_leaves_the_last_one_until_that_is_stale() -> 
 
 def test_a_value_counts_up_to_its_deadline() -> None:
     inputs = Readings()
-    assert inputs.listen([IN, IN]) == (IN,)
-    assert inputs.listen([IN]) == ()
+    assert inputs.listen([IN, IN]) == [IN]
+    assert inputs.listen([IN]) == []
     assert inputs.values([IN], 0.0) is None
     take(
         inputs,

@@ -60,18 +60,16 @@ class AnySubstitute(RuleBasedStateMachine):
         check(self.core, commands)
 
     def on_Listen(self, command: events.Listen) -> None:
-        for each in command.inputs:
-            key = each.topic, each.field, each.node
-            assert key not in self.listening, "it listens twice"
-            self.listening.add(key)
+        key = command.signal.topic, command.signal.field, command.signal.node
+        assert key not in self.listening, "it listens twice"
+        self.listening.add(key)
 
     def on_Advertise(self, command: events.Advertise) -> None:
         assert command.topic not in self.advertised, "it advertises twice"
         self.advertised[command.topic] = False
 
     def on_Withdraw(self, command: events.Withdraw) -> None:
-        for topic in command.topics:
-            del self.advertised[topic]
+        del self.advertised[command.topic]
 
     def on_LookAtOriginal(self, look: events.LookAtOriginal) -> None:
         self.looks.append(look)

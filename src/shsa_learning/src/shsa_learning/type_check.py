@@ -1,6 +1,8 @@
 """Checks a SOM by its message types: that they have the fields, and that these can be healed."""
-from typing import Any, Iterator
+import importlib
+from typing import Any, Iterator, List
 
+from shsa_core import message_types
 from shsa_core.analysis.check import Finding
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import reduces
@@ -28,6 +30,33 @@ NOT_HEALABLE = {
 _ACTION_ENDINGS = ("ActionGoal", "ActionResult", "ActionFeedback")
 
 
+def available() -> bool:
+    """Return whether message types can be looked up here."""
+    try:
+        importlib.import_module("genpy.message")
+    except ImportError:
+        return False
+    return True
+
+
+def types_beside(name: str) -> List[str]:
+    """Return the messages in the package of the type `name`; none if the package is not here."""
+    package = name.split("/")[0]
+    if not message_types.is_built(package, "msg", "__init__"):
+        return []
+    try:
+        module = importlib.import_module(f"{package}.msg")
+    except ImportError:
+        return []
+    return [each for each, value in vars(module).items() if hasattr(value, "_md5sum")]
+
+
+def is_service(name: str) -> bool:
+    """Return whether `name` is not a message type but a ROS service's."""
+    found = message_types.NAME.fullmatch(name)
+    return found is not None and message_types.is_built(found[1], "srv", f"_{found[2]}")
+
+
 def check_healable(som: Som) -> Iterator[Finding]:
     """Report the needed services whose type or fields tell that they cannot be healed."""
     for service in (each for each in som.needed() if each.policy.plans):
@@ -53,19 +82,19 @@ def check_types(som: Som, types: Any) -> Iterator[Finding]:
         try:
             types.layout(service.type)
         except ShsaError:
-            yield _unknown(service, types)
+            yield _unknown(service)
             continue
         for source in service.sources:
             yield from _check_field(service, source, types)
 
 
-def _unknown(service: Service, types: Any) -> Finding:
+def _unknown(service: Service) -> Finding:
     """Report a type that is not here: a wrong name, or a package that is not built."""
     package, name = service.type.split("/")
-    if types.is_service(service.type):
+    if is_service(service.type):
         what = f"{service.type} is the type of a ROS service: only topics are watched and healed"
         return Finding("error", service.where, f"{service.name}: {what}", "Remove it")
-    beside = types.types_beside(service.type)
+    beside = types_beside(service.type)
     if beside:
         near = nearest(name, beside) or f"; it has {', '.join(beside)}"
         what = f"{package} has no message type {name}{near}"

@@ -12,10 +12,11 @@ from shsa_core import message_types
 from shsa_core.cli.main import main
 from shsa_core.errors import ShsaError
 from shsa_learning.check import check_files
+from shsa_learning.type_check import available, is_service, types_beside
 
 PACKAGES = pathlib.Path(__file__).resolve().parents[3]
 SOURCES = [str(PACKAGES / name / "src") for name in ("shsa_core", "shsa_learning")]
-needs_ros = pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
+needs_ros = pytest.mark.skipif(not available(), reason="there is no ROS here")
 
 ONTOLOGY = "properties: {a: {}, b: {}}\nrelations: {same: {a: b, b: a}}\n"
 SOM = """\
@@ -164,9 +165,18 @@ def test_a_package_that_is_broken_is_named(tmp_path: pathlib.Path, monkeypatch: 
         message_types.message_class("a/B")
 
 
+@needs_ros
+@pytest.mark.parametrize("name", ["unittest/main", "this/Zen", "../../etc/Passwd", "a/B" * 99, ""])
+def test_nothing_is_loaded_for_a_name_that_is_no_message_type(name: str) -> None:
+    message_types.message_class("std_msgs/Float64")
+    before = set(sys.modules)
+    assert not is_service(name) and types_beside(name) == []
+    assert set(sys.modules) == before
+
+
 def test_without_ros_there_are_no_types(monkeypatch: Any) -> None:
     monkeypatch.setitem(sys.modules, "genpy.message", None)
-    assert not message_types.available()
+    assert not available()
 
 
 def test_without_ros_types_are_not_checked_and_that_is_said(tmp_path: pathlib.Path) -> None:

@@ -11,7 +11,6 @@ from shsa_msgs import msg
 from shsa_core.files.regular import open_to_append
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.names import file_name
-from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire, names
 
@@ -28,19 +27,19 @@ def log_path(log_file: str) -> str:
     return os.path.join(rospkg.get_log_dir(), name)
 
 
-class Incidents:
+class Incidents(rospy.SubscribeListener):
     """Publishes incidents, logs those that have ended, and lets threads wait for one.
 
     A late subscriber is told of those that are open. `log_file`: see log_path.
     """
 
     def __init__(self, log_file: str, signing: Signing) -> None:
+        super().__init__()
         self._log_file = log_path(log_file)
         self._fails = False
         self._open: Dict[str, Incident] = {}
         self._changed = threading.Condition()
-        greeter = Greeter(self._tell_open)
-        self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, greeter)
+        self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, self)
 
     def show(self, incident: Incident) -> None:
         """Publish a step of an incident; one that has ended is logged before."""
@@ -53,7 +52,8 @@ class Incidents:
             self._changed.notify_all()
             self._publisher.publish(wire.incident(incident))
 
-    def _tell_open(self, _: str, tell: Tell) -> None:
+    def peer_subscribe(self, _: str, publish: object, tell: Callable[[msg.Incident], None]) -> None:
+        """Called by rospy, in a thread of its own, once a subscriber has connected."""
         with self._changed:
             for incident in self._open.values():
                 tell(self._publisher.signed(wire.incident(incident)))

@@ -22,8 +22,6 @@ from shsa_core.ros.trust.owners import speaker
 Settings = TypeVar("Settings")
 Handle = Callable[[Any], Sequence[Any]]
 """Handles an event of a core; returns its commands."""
-Tell = Callable[[Any], None]
-"""Publishes a message to one subscriber alone."""
 LOG: Dict[Level, Callable[..., None]] = {
     Level.INFO: rospy.loginfo,
     Level.WARN: rospy.logwarn,
@@ -110,11 +108,3 @@ def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
     except rospy.ROSException:
         if not rospy.core.is_shutdown_requested():
             raise
-
-
-class Greeter(rospy.SubscribeListener):
-    """Calls `greet(topic, tell)` for each new subscriber, in a thread of rospy."""
-
-    def __init__(self, greet: Callable[[str, Tell], None]) -> None:
-        super().__init__()
-        self.peer_subscribe = lambda topic, _, tell: greet(topic, tell)

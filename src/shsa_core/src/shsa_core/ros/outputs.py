@@ -11,13 +11,12 @@ from shsa_core.message_types import message_class
 from shsa_core.model.field_value import Field
 from shsa_core.ros import settings
 from shsa_core.ros.messages.fields import read_message
-from shsa_core.ros.node import Greeter, Tell
 from shsa_core.ros.rospy_patches.publishing import connections_of, send
 from shsa_core.substitution.composing import compose, normalize, quaternions
 from shsa_core.substitution.events import Compose, Publish
 
 
-class Outputs:
+class Outputs(rospy.SubscribeListener):
     """Publishers of topics.
 
     `advertised(topic)` is called when messages can be published on a topic, `joined(topic,
@@ -27,8 +26,8 @@ class Outputs:
     def __init__(
         self, advertised: Callable[[str], None], joined: Callable[[str, str], None]
     ) -> None:
-        self._advertised = advertised
-        self._joined = joined
+        super().__init__()
+        self._advertised, self._joined = advertised, joined
         self._publishers: Dict[str, rospy.Publisher] = {}
         self._seen: Dict[str, List[Any]] = {}
         self._composed: Dict[str, _Composed] = {}
@@ -39,7 +38,7 @@ class Outputs:
         publisher = rospy.Publisher(
             topic,
             message_class(kind),
-            Greeter(self._report),
+            self,
             queue_size=settings.CONSUMER_QUEUE,
             tcp_nodelay=True,
             # Who joins is served by the core: once muted, rospy would send what is old.
@@ -48,7 +47,7 @@ class Outputs:
         with self._lock:
             self._publishers[topic] = publisher
             self._advertised(topic)
-        self._report(topic)
+        self.peer_subscribe(topic)
 
     def withdraw(self, topic: str) -> None:
         """Publish on a topic no more; waits for the master."""
@@ -57,8 +56,8 @@ class Outputs:
             self._seen.pop(topic, None)
         publisher.unregister()
 
-    def _report(self, topic: str, *_: Tell) -> None:
-        """Say who has joined since the last look."""
+    def peer_subscribe(self, topic: str, *_: object) -> None:
+        """Say who has joined since the last look; called by rospy once a consumer has connected."""
         with self._lock:
             seen = self._seen.get(topic, [])
             self._seen[topic] = connections = self._connections(topic)

@@ -75,14 +75,18 @@ class SubstituteNode:
         self._carry_out: Table[None] = table(
             events.Command,
             {
-                events.Listen: self._listen,
+                events.Listen: lambda c: self._registrations.put(
+                    c.signal.topic, lambda: self._inputs.listen(c.signal)
+                ),
                 events.Overhear: lambda c: self._registrations.put(
                     c.topic, lambda: self._inputs.overhear(c.topic, c.type, c.provider)
                 ),
                 events.Advertise: lambda c: self._registrations.put(
                     c.topic, lambda: self._outputs.advertise(c.topic, c.type, c.latched)
                 ),
-                events.Withdraw: self._withdraw,
+                events.Withdraw: lambda c: self._registrations.put(
+                    c.topic, lambda: self._outputs.withdraw(c.topic)
+                ),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Remind: lambda c: self._calls.put(partial(self._remind, c.topics)),
@@ -158,14 +162,6 @@ class SubstituteNode:
         self._inputs.put(events.FailureHeard(self._clock.now(), *told))
 
     # Commands.
-
-    def _listen(self, command: events.Listen) -> None:
-        for signal in command.inputs:
-            self._registrations.put(signal.topic, partial(self._inputs.listen, signal))
-
-    def _withdraw(self, command: events.Withdraw) -> None:
-        for topic in command.topics:
-            self._registrations.put(topic, partial(self._outputs.withdraw, topic))
 
     @cached_property
     def _to_monitor(self) -> Heart:

@@ -71,7 +71,7 @@ class Advertising:
 
     def due(self, now: float) -> List[Command]:
         """Return the withdrawals and reminders that are due."""
-        leaving = tuple(self._leaving.pop_due(now))
+        leaving = self._leaving.pop_due(now)
         for name in leaving:
             del self._topics[name]
         commands: List[Command] = []
@@ -80,7 +80,7 @@ class Advertising:
             wanted = [self._hurried] if self._hurried else sorted(self._topics)
             named = tuple(filter(self.ready, wanted))
             commands += [Remind(named)] if named else []
-        return commands + ([Withdraw(leaving)] if leaving else [])
+        return commands + [Withdraw(name) for name in leaving]
 
     def next(self) -> float:
         """Return when something is due next; infinite: never."""

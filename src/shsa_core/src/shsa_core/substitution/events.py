@@ -172,9 +172,9 @@ LEFT_ALONE = "no reconfigurator has been there for a minute"
 
 @dataclass(frozen=True)
 class Listen(Act):
-    """Send the values of these signals from now on, beside those of before."""
+    """Send the values of this signal from now on, beside those of before."""
 
-    inputs: Tuple[Signal, ...]
+    signal: Signal
 
 
 @dataclass(frozen=True)
@@ -200,9 +200,9 @@ class Advertise(Act):
 
 @dataclass(frozen=True)
 class Withdraw(Act):
-    """Publish on these topics no more."""
+    """Publish on a topic no more."""
 
-    topics: Tuple[str, ...]
+    topic: str
 
 
 @dataclass(frozen=True)

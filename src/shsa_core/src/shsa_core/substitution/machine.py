@@ -222,8 +222,7 @@ class Substitute:
 
     def _listen(self, inputs: Tuple[Signal, ...]) -> List[Command]:
         self._types.update({signal.topic: signal.type for signal in inputs})
-        new = self._readings.listen(inputs)
-        return [events.Listen(new)] if new else []
+        return [events.Listen(each) for each in self._readings.listen(inputs)]
 
     # Its voice.
 

@@ -1,6 +1,6 @@
 """Keeps what a substitute computes from: the newest value of each signal, and how old it is."""
 from math import inf
-from typing import Dict, Iterable, Optional, Sequence, Tuple
+from typing import Dict, Iterable, List, Optional, Sequence, Tuple
 
 from shsa_core.backlog import Backlog
 from shsa_core.model.service import Signal
@@ -20,9 +20,9 @@ class Readings:
         self._allowed: Dict[str, float] = {}  # by topic: the shortest deadline
         self._backlogs: Dict[Tuple[str, str], Backlog] = {}  # by topic and publisher
 
-    def listen(self, signals: Iterable[Signal]) -> Tuple[Signal, ...]:
+    def listen(self, signals: Iterable[Signal]) -> List[Signal]:
         """Keep the values of `signals` from now on; return those of them that are new."""
-        new = []
+        new: List[Signal] = []
         for signal in signals:
             readings = self._readings.setdefault(signal.topic, {})
             if signal.deadline is not None:
@@ -32,7 +32,7 @@ class Readings:
             if key not in readings:
                 readings[key] = None
                 new.append(signal)
-        return tuple(new)
+        return new
 
     def take(self, event: InputArrived) -> None:
         """Keep the values of a message, unless it tells of the past."""

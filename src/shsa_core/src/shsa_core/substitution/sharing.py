@@ -90,8 +90,7 @@ class Sharing:
     def _heed(self, name: str, command: Command) -> List[Command]:
         """Return what a substitute's command means for the process."""
         if isinstance(command, events.Listen):
-            for signal in command.inputs:
-                self._concerned[signal.topic][name] = None
+            self._concerned[command.signal.topic][name] = None
         elif isinstance(command, events.Advertise):
             self._concerned[command.topic][name] = None
         elif isinstance(command, events.Log):
@@ -108,5 +107,5 @@ class Sharing:
         for concerned in self._concerned.values():
             concerned.pop(name, None)
         used = {topic for other in self._cores.values() for topic in other.topics}
-        left = tuple(topic for topic in core.topics if topic not in used) if core else ()
-        return [events.Withdraw(left)] if left else []
+        topics = core.topics if core else ()
+        return [events.Withdraw(topic) for topic in topics if topic not in used]

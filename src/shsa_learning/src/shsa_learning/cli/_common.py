@@ -18,6 +18,7 @@ from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import LONGEST_LINE, nearest, shown
+from shsa_learning.type_check import available
 
 NARROWEST_COLUMN = 12
 WIDEST = 100
@@ -49,7 +50,7 @@ def add_without(parser: argparse.ArgumentParser) -> None:
 def read_models(args: argparse.Namespace) -> Tuple[Ontology, Som]:
     """Read the files of the options, the SOM with what messages can say. Raises ModelError."""
     ontology, som = read_ontology(args.ontology), read_som(args.som, args.namespace)
-    return ontology, with_unknowns(som, message_types.layout) if message_types.available() else som
+    return ontology, with_unknowns(som, message_types.layout) if available() else som
 
 
 def check_property(name: str, ontology: Ontology, som: Som) -> None:

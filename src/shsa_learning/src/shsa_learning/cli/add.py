@@ -11,6 +11,7 @@ from shsa_core.errors import ModelError
 from shsa_core.files.som_file import added_path, read_som
 from shsa_learning.check import check_files
 from shsa_learning.saving import dump, load
+from shsa_learning.type_check import available
 
 
 def add_parser(subparsers: Any) -> None:
@@ -67,6 +68,6 @@ def _keep(services: Dict[str, Any], path: str) -> None:
 
 
 def _errors(args: argparse.Namespace) -> List[str]:
-    types = message_types if message_types.available() else None
+    types = message_types if available() else None
     found = check_files(args.ontology, args.som, types, args.namespace)
     return [str(each) for each in found if each.level == "error"]

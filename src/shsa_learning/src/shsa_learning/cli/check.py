@@ -7,6 +7,7 @@ from typing import Any
 from shsa_core import message_types
 from shsa_core.cli._common import add_namespace, say
 from shsa_learning.check import check_files
+from shsa_learning.type_check import available
 
 
 def add_parser(subparsers: Any) -> None:
@@ -25,7 +26,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the findings. Returns 0 if the model is valid, 1 if it is not."""
-    types = message_types if message_types.available() else None
+    types = message_types if available() else None
     findings = check_files(args.ontology, args.som, types, args.namespace)
     errors = sum(finding.level == "error" for finding in findings)
     if args.json:
