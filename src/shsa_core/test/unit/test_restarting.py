@@ -82,3 +82,12 @@ def test_what_a_node_has_started_is_not_the_node(
         assert heir.take_up() == [NODE]
         child.kill()
     assert heir._children.running() == [NODE]
+
+
+def test_a_process_that_has_no_command_any_more_is_not_the_node(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heir = restarts()
+    heir.take_up()  # the command of the node is not known yet
+    monkeypatch.setattr(psutil.Process, "cmdline", lambda process: [])  # as of one that has ended
+    assert heir._started_again(NODE) is None

@@ -85,7 +85,7 @@ class Restarts:
 
     def _started_again(self, node: str) -> Optional[psutil.Process]:
         start = self._starts.get(node)
-        if start is None or ended(start.starter):
+        if start is None or not start.words or ended(start.starter):
             return None
         children, before = set(_children(start.starter[0])), self._others.get(node, set())
         others = self._others[node] = before & children
