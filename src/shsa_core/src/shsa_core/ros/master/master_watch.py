@@ -47,11 +47,6 @@ class MasterCalls:
         order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
         return pid, dict(zip(order, map(registrations.read_pairs, parts)))
 
-    def pid(self) -> int:
-        """Return the process of the master."""
-        (pid,) = self.many([("getPid", (self._me,))])
-        return pid if isinstance(pid, int) else 0
-
     def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
         """Return where nodes or services are, by lookupNode or lookupService."""
         names = sorted(names)
@@ -139,7 +134,8 @@ class MasterWatch:
 
     def _look(self, now: float) -> None:
         introductions = self._introductions
-        if self._calls.pid() == self.pid and now < min(self._look_at, introductions.deadline):
+        (pid,) = self._calls.many([("getPid", (self._me,))])
+        if pid == self.pid and now < min(self._look_at, introductions.deadline):
             return
         pid, parts = self._calls.state()
         registered = {node for pairs in parts.values() for _, node in pairs}
