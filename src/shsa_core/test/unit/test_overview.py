@@ -1,11 +1,13 @@
 """Diagnostics of each service: its state by all its publishers."""
 from dataclasses import replace
-from typing import Dict, List, Tuple
+from types import SimpleNamespace
+from typing import Any, Dict, List, Optional, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from monitor_bench import NODE, PERIOD, TOPIC, Bench, provision, row, service, streaming
 
+from shsa_core.analysis.registrations import NOTHING
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Kind
 from shsa_core.model.service import AdaptiveDeadline
@@ -13,7 +15,6 @@ from shsa_core.monitoring.events import ClockTicked, Message, SubstitutionsChang
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.ros import diagnostics
 from shsa_core.ros.diagnostics import ERROR, OK, WARN, MonitorRows, healing_rows
-from shsa_core.ros.master.master_watch import MasterState
 
 SUBSTITUTE, IDLE, STRANGER = "/substitute_current_1", "/substitute_standby_2", "/stranger"
 
@@ -267,8 +268,9 @@ def test_a_row_of_healing_is_named_after_the_service(state: State, expected: int
     current = replace(service(), needed=True)
     other = replace(current, name="other")
     open_ = {"current": incident(state)}
+    watch: Any = SimpleNamespace(answers=True, hung=[], known=NOTHING, kept_at=0.0)
     first, second, maintenance, master = healing_rows(
-        ([current, other], open_, MasterState(), (), {NODE: DOES}, state is State.KEPT)
+        ([current, other], open_, watch, (), {NODE: DOES}, state is State.KEPT)
     )
     assert maintenance.name == "maintenance"
     assert maintenance.level == (WARN if state is State.KEPT else OK)

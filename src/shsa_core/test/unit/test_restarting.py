@@ -2,6 +2,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Dict, Iterator
 
@@ -9,8 +10,10 @@ import psutil
 import pytest
 import rospy
 
+from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children
-from shsa_core.ros.processes.restarting import Restarts
+from shsa_core.ros.processes.kernel import identity
+from shsa_core.ros.processes.restarting import Restarts, _Start
 from shsa_testing.waiting import wait_until
 
 NODE = "/driver"
@@ -82,3 +85,25 @@ def test_what_a_node_has_started_is_not_the_node(
         assert heir.take_up() == [NODE]
         child.kill()
     assert heir._children.running() == [NODE]
+
+
+def test_a_fork_is_looked_at_again_though_the_wall_clock_was_set(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 3600.0)
+    monkeypatch.setattr(settings, "LOOK_S", 600.0)
+    agent = restarts()
+    agent._starts[NODE] = _Start(["driver"], "", {}, identity(os.getpid()))
+    assert agent._started_again(NODE) is None and started.pid not in agent._others[NODE]
+    monkeypatch.setattr(settings, "LOOK_S", 0.0)
+    assert agent._started_again(NODE) is None and started.pid in agent._others[NODE]
+
+
+def test_a_process_that_has_no_command_any_more_is_not_the_node(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heir = restarts()
+    heir.take_up()  # the command of the node is not known yet
+    monkeypatch.setattr(psutil.Process, "cmdline", lambda process: [])  # as of one that has ended
+    assert heir._started_again(NODE) is None

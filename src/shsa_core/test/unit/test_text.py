@@ -2,11 +2,13 @@
 import json
 import logging
 import pathlib
+from types import SimpleNamespace
 from typing import Any, List
 
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from shsa_core.analysis.registrations import NOTHING
 from shsa_core.cli._common import say
 from shsa_core.cli.main import main
 from shsa_core.errors import ModelError, ModelErrors, ShsaError
@@ -130,10 +132,9 @@ def test_lines_are_printed_as_lines(capsys: Any) -> None:
 
 def test_diagnostics_are_printable() -> None:
     diagnostics = pytest.importorskip("shsa_core.ros.diagnostics")
-    master_watch = pytest.importorskip("shsa_core.ros.master.master_watch")
     service = Service("s", "/a", "std_msgs/Float64", "/n", 1.0, (Provision("a", "data"),))
     incident = Incident(1, "s", "/a", ("a",), EVIL, Kind.OTHER, EVIL * 1000, 0.0)
-    told = master_watch.MasterState()
+    told = SimpleNamespace(answers=True, hung=[EVIL], known=NOTHING, kept_at=0.0)
     row, *_ = diagnostics.healing_rows(([service], {"s": incident}, told, (), {}, False))
     texts = [row.message, *(value.value for value in row.values)]
     assert any("owned" in text for text in texts)

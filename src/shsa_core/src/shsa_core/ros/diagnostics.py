@@ -20,7 +20,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.overview import Condition, ServiceHealth
 from shsa_core.monitoring.settings import AGE_LEAST_S
 from shsa_core.ros import clock, settings
-from shsa_core.ros.master.master_watch import MasterState
+from shsa_core.ros.master.master_watch import MasterWatch
 from shsa_core.ros.node import publish
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.trust.signing import Signing
@@ -161,7 +161,7 @@ class MonitorRows:
 
 Duties = Mapping[str, Tuple[str, ...]]
 Healing = Tuple[
-    Iterable[Service], Mapping[str, Incident], MasterState, Iterable[RemoteHost], Duties, bool
+    Iterable[Service], Mapping[str, Incident], MasterWatch, Iterable[RemoteHost], Duties, bool
 ]
 """Needed services, open incidents, how master and computers do, what nodes do beyond the SOM,
 and whether the robot is maintained.
@@ -187,14 +187,15 @@ def _host_row(host: RemoteHost) -> DiagnosticStatus:
     return _row(name, OK, text, values.items())
 
 
-def _master_row(master: MasterState) -> DiagnosticStatus:
+def _master_row(master: MasterWatch) -> DiagnosticStatus:
     level, text = OK, "it answers"
     if not master.answers:
         level, text = ERROR, "it does not answer; healing goes on, but no new node can come"
     elif master.hung:
         level, text = WARN, "subscribers do not answer, and it waits for them"
     values = [("hung", node) for node in master.hung]
-    values.append(("kept", f"{master.kept} registrations, {master.age:.1f} s ago"))
+    kept, age = sum(map(len, master.known.parts.values())), clock.now() - master.kept_at
+    values.append(("kept", f"{kept} registrations, {age:.1f} s ago"))
     return _row("ROS master", level, text, values)
 
 

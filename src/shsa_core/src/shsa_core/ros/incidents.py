@@ -65,7 +65,7 @@ class Incidents(rospy.SubscribeListener):
 
     def close(self) -> None:
         """Log the incidents that are open at the end."""
-        for incident in self._open.values():
+        for incident in self.open().values():
             self._log(incident)
 
     def await_settled(

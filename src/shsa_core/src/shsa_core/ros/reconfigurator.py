@@ -341,7 +341,7 @@ class ReconfiguratorNode:
         self._heed_maintenance()
         core, found, listed = self._core, self._incidents.open(), self._listed[1]
         open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
-        done = self._core.needed(), open_, self._master.told(), self._hosts.remote, listed
+        done = self._core.needed(), open_, self._master, self._hosts.remote, listed
         self._diagnostics.show((*done, self._core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:

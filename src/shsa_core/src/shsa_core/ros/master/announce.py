@@ -51,14 +51,10 @@ def tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
 
     def call(subscriber: str) -> None:
         with suppress(*FAILURES):  # it is away, or asks the master itself later
-            _update(subscriber, topic, publishers)
+            node_api(subscriber).publisherUpdate("/master", topic, publishers)
 
     for subscriber in subscribers:
         threading.Thread(target=call, args=(subscriber,), daemon=True).start()
-
-
-def _update(subscriber: str, topic: str, publishers: List[str]) -> None:
-    node_api(subscriber).publisherUpdate("/master", topic, publishers)
 
 
 class Publisher(NamedTuple):
@@ -121,7 +117,7 @@ class Introductions:
 
     def _tell(self, node: str, uri: str, new: Publisher, publishers: List[str]) -> None:
         try:
-            _update(uri, new.topic, publishers)
+            node_api(uri).publisherUpdate("/master", new.topic, publishers)
         except OSError as error:
             if not isinstance(error, ConnectionError) and node not in self.hung:
                 self.hung = self.hung | {node}

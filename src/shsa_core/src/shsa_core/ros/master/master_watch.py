@@ -7,14 +7,14 @@ master cannot tell of a publisher are told directly (`announce`).
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, NamedTuple, Optional
-from typing import Sequence, Set, Tuple
+from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, Optional, Sequence
+from typing import Set, Tuple
 
 import rosgraph
 import rospy
 
 from shsa_core.analysis import registrations
-from shsa_core.analysis.registrations import Graph, Pairs, Part, Registration, Said
+from shsa_core.analysis.registrations import Graph, Pairs, Part, Said
 from shsa_core.errors import ShsaError
 from shsa_core.model.names import Names
 from shsa_core.ros import settings
@@ -41,39 +41,24 @@ class MasterCalls:
 
     def state(self) -> Tuple[int, Parts]:
         """Return the process of the master, and everything that is registered."""
-        pid, parts = self._many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
+        pid, parts = self.many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
         if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
             raise ShsaError("the master's answer is none")
         order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
         return pid, dict(zip(order, map(registrations.read_pairs, parts)))
 
-    def pid(self) -> int:
-        """Return the process of the master."""
-        (pid,) = self._many([("getPid", (self._me,))])
-        return pid if isinstance(pid, int) else 0
-
     def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
         """Return where nodes or services are, by lookupNode or lookupService."""
         names = sorted(names)
-        found = self._many([(method, (self._me, name)) for name in names])
+        found = self.many([(method, (self._me, name)) for name in names])
         return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
 
     def parameters(self) -> Mapping[str, Any]:
         """Return the whole parameter server."""
-        (tree,) = self._many([("getParam", (self._me, "/"))])
+        (tree,) = self.many([("getParam", (self._me, "/"))])
         return tree if isinstance(tree, dict) else {}
 
-    def set_parameters(self, values: Iterable[Tuple[str, Any]]) -> None:
-        """Set parameters by their full names."""
-        self._many([("setParam", (self._me, name, value)) for name, value in values])
-
-    def register(self, missing: Iterable[Registration]) -> List[Any]:
-        """Register these on behalf of their nodes, in this order; return the master's answers."""
-        return self._many(
-            [(f"register{r.part.title()}", (r.node, r.name, r.what, r.uri)) for r in missing]
-        )
-
-    def _many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
+    def many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
         """Return the values that calls return, None for a refusal."""
         values: List[Any] = []
         for start in range(0, len(calls), ONE_CALL):
@@ -93,23 +78,12 @@ def _value(answer: Any) -> Any:
     return told[2] if isinstance(told, list) and len(told) == 3 and told[0] == 1 else None
 
 
-class MasterState(NamedTuple):
-    """The state of the master and its subscribers, for people.
-
-    A new master would be told of `kept` registrations, which were looked up `age` s ago.
-    """
-
-    answers: bool = True
-    hung: Tuple[str, ...] = ()
-    kept: int = 0
-    age: float = 0.0
-
-
 class MasterWatch:
     """Looks at the master for as long as ROS is up.
 
     `seen` hears at each look all that is registered. `pid` is the process of the master, `known`
     what it knew; `former`: both at first; `keep` is told both. While `acts` is false it only looks.
+    `answers`: the master does; `kept_at`: when it was asked for what it knew, in s.
     """
 
     def __init__(
@@ -129,39 +103,39 @@ class MasterWatch:
         self._topics: Set[str] = set()
         self._parameters: Mapping[str, Any] = {}
         self._restores: Mapping[str, Any] = {}  # once a node of the robot has answered
-        self._look_at = self._keep_at = self._kept_at = 0.0
+        self._look_at = self._keep_at = self.kept_at = 0.0
         self._former: Optional[Graph] = None  # what the former master knew, while some is missing
         self._anew_at = 0.0
         self._settled: Set[str] = set()
-        self._answers = True
+        self.answers = True
         threading.Thread(target=self._watch, name="master", daemon=True).start()
 
     def introduce(self, *topics: str) -> None:
         """See to it that subscribers of these topics hear of each new publisher."""
         self._topics = self._topics.union(map(rospy.resolve_name, topics))
 
-    def told(self) -> MasterState:
-        """Return how things are now."""
-        kept = sum(map(len, self.known.parts.values()))
-        age = time.monotonic() - self._kept_at
-        return MasterState(self._answers, tuple(sorted(self._introductions.hung)), kept, age)
+    @property
+    def hung(self) -> List[str]:
+        """Return the subscribers that do not answer."""
+        return sorted(self._introductions.hung)
 
     def _watch(self) -> None:
         while not rospy.is_shutdown():
             try:
                 self._look(time.monotonic())
-                self._answers = True
+                self.answers = True
             except (*FAILURES, ShsaError) as error:
-                if self._answers and not rospy.is_shutdown():
+                if self.answers and not rospy.is_shutdown():
                     rospy.logwarn("The master does not answer: %s. Healing goes on.", error)
-                self._answers = False
+                self.answers = False
             except Exception as error:  # whatever it is, the next look may be better
                 rospy.logerr_throttle(60.0, f"Looking at the master: {error!r}")
             rospy.rostime.wallsleep(settings.MASTER_LOOK_S)
 
     def _look(self, now: float) -> None:
         introductions = self._introductions
-        if self._calls.pid() == self.pid and now < min(self._look_at, introductions.deadline):
+        (pid,) = self._calls.many([("getPid", (self._me,))])
+        if pid == self.pid and now < min(self._look_at, introductions.deadline):
             return
         pid, parts = self._calls.state()
         registered = {node for pairs in parts.values() for _, node in pairs}
@@ -182,7 +156,7 @@ class MasterWatch:
         if now >= self._keep_at:
             self.known = registrations.together(self._graph(parts), self.known, waiting)
             self._keep(pid, self.known)
-            self._kept_at = now
+            self.kept_at = now
             tree = self._calls.parameters()
             self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
             pause = max(settings.PATIENCE_S, _took(now))
@@ -229,11 +203,13 @@ class MasterWatch:
         robot = [node for node in said if not self._names.of_healing(node, False)]
         if self._restores and robot:  # else it may be another one's
             found = registrations.missing_parameters(self._restores, self._calls.parameters())
-            self._calls.set_parameters(found)
+            self._calls.many([("setParam", (self._me, *each)) for each in found])
             self._restores = {}
         missing = registrations.to_register(self._former, present, said)
         if missing:
-            answers = self._calls.register(missing)
+            answers = self._calls.many(
+                [(f"register{r.part.title()}", (r.node, r.name, r.what, r.uri)) for r in missing]
+            )
             new = zip(missing, answers)
             for told in registrations.to_tell(new, self._former, present, settled):
                 tell(*told)

@@ -127,23 +127,19 @@ def started_by_launch(pid: int) -> bool:
 
 def gone(process: psutil.Process) -> bool:
     """Return whether a process has ended, though nobody may have asked for its exit status yet."""
-    return _status(process) in (None, psutil.STATUS_ZOMBIE)
+    try:
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+    except OSError:
+        return False  # nobody counts as dead because we lack the means to look
 
 
 def stopped(pid: int) -> bool:
     """Return whether a process is stopped, so that it hears nothing."""
     with suppress(psutil.Error, OSError):  # it has ended, or we lack the means to look
-        return _status(psutil.Process(pid)) == psutil.STATUS_STOPPED
+        return bool(psutil.Process(pid).status() == psutil.STATUS_STOPPED)
     return False
-
-
-def _status(process: psutil.Process) -> Optional[str]:
-    try:
-        return str(process.status()) if process.is_running() else None
-    except psutil.NoSuchProcess:
-        return None
-    except OSError:
-        return psutil.STATUS_RUNNING  # nobody counts as dead because we lack the means to look
 
 
 def waited(pid: int) -> float:

@@ -25,7 +25,7 @@ class Known:
     """A node's address, and its process; None: that is on another computer, or cannot be told.
 
     `dead`: nobody listens at its address, which is on this computer. `topics`: what it publishes.
-    `learned`: all that was verified. `ours`: we have started it. `at`: the numeric form of `uri`.
+    `learned`: all that was verified. `uri`: empty: we have started it. `at`: its numeric form.
     """
 
     uri: str
@@ -33,7 +33,6 @@ class Known:
     dead: bool = False
     topics: FrozenSet[str] = frozenset()
     learned: bool = False
-    ours: bool = False
     at: str = ""
 
     @property
@@ -127,7 +126,7 @@ class Nodes:
 
     def adopt(self, node: str, process: psutil.Process) -> None:
         """Remember a process that we have started: it needs no further proof."""
-        self._put(node, Known("", process, learned=True, ours=True))
+        self._put(node, Known("", process, learned=True))
 
     def find(self, asked: FindNode) -> Found:
         """Find where the process runs that failed: the learned one, or its successor."""
@@ -173,7 +172,7 @@ class Nodes:
 
     def _doubt(self, node: str, topic: str, known: Known) -> Optional[Found]:
         """Return why this may not be the node that failed. Raises one of FAILURES: no master."""
-        if known.ours or (known.learned and topic in known.topics):
+        if not known.uri or (known.learned and topic in known.topics):
             return None
         why = kernel.never_to_end(known.process) if known.process is not None else ""
         if why or not topic:
@@ -194,7 +193,7 @@ class Nodes:
 
 
 def _listens(known: Known, uri: str) -> bool:
-    if known.process is None or (known.ours and listening(resolved(uri)) is None):
+    if known.process is None or (not known.uri and listening(resolved(uri)) is None):
         return True
     return answers_at(known.process.pid, resolved(uri))
 

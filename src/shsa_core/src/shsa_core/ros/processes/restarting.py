@@ -17,6 +17,7 @@ from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
 
+TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
@@ -85,7 +86,7 @@ class Restarts:
 
     def _started_again(self, node: str) -> Optional[psutil.Process]:
         start = self._starts.get(node)
-        if start is None or ended(start.starter):
+        if start is None or not start.words or ended(start.starter):
             return None
         children, before = set(_children(start.starter[0])), self._others.get(node, set())
         others = self._others[node] = before & children
@@ -94,7 +95,8 @@ class Restarts:
                 process = psutil.Process(pid)
                 if process.cmdline() == start.words and is_ours(process):
                     return process
-                if time.time() - process.create_time() > settings.LOOK_S:  # it is no fork of late
+                age = time.clock_gettime(time.CLOCK_BOOTTIME) - identity(pid)[1] / TICKS_HZ
+                if age > settings.LOOK_S:  # it is no fork of late
                     others.add(pid)
         return None
 
