@@ -53,10 +53,6 @@ class GenerationError(ShsaError):
     """No code can be generated for a substitute."""
 
 
-class UnitError(ShsaError):
-    """A text is not a unit."""
-
-
 class CodeError(ShsaError):
     """A substitute's code is not what the generator could have produced."""
 

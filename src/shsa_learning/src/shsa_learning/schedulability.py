@@ -3,12 +3,12 @@
 It places them as healing does, by measured costs (docs/explanation/experiments.md), on hosts that
 have nothing else to do.
 """
-from typing import Callable, Collection, Dict, Iterator, List, Sequence, Set
+from typing import Callable, Collection, Dict, Iterator, List, Sequence
 
 from shsa_core.analysis.check import Finding
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import predictor
-from shsa_core.errors import GenerationError, NoSubstitute, ShsaError
+from shsa_core.errors import GenerationError, NoSubstitute
 from shsa_core.healing.settings import Settings
 from shsa_core.model.cost import Cost, cost, idle_cost
 from shsa_core.model.kinds import Standby
@@ -25,17 +25,15 @@ def takeovers(ontology: Ontology, sources: Collection[Source]) -> Callable[[Serv
     return lambda service: plan_service(ontology, service, table, [service.node], predictor=errors)
 
 
-def check_placements(
-    ontology: Ontology, som: Som, settings: Settings = Settings(), own: str = ""
-) -> Iterator[Finding]:
+def check_placements(ontology: Ontology, som: Som) -> Iterator[Finding]:
     """Report the needed services whose substitutes do not fit where they would be, with the sums.
 
-    For each node that fails: the substitutes of all that it provides, beside what stands by. `own`:
-    the host of the reconfigurator, empty: none of the SOM's.
+    For each node that fails: the substitutes of all that it provides, beside what stands by. The
+    reconfigurator is taken to be on none of the hosts of the SOM.
     """
     if not som.hosts:
         return
-    schedule = _Schedule(ontology, som, settings, own)
+    schedule = _Schedule(ontology, som)
     yield from schedule.stand_by()
     for node in dict.fromkeys(service.node for service in som.may_be_needed()):
         yield from schedule.after([each for each in som.may_be_needed() if each.node == node])
@@ -44,8 +42,8 @@ def check_placements(
 class _Schedule:
     """The places where substitutes would run, and what they take there."""
 
-    def __init__(self, ontology: Ontology, som: Som, settings: Settings, own: str) -> None:
-        self._som, self._settings = som, settings
+    def __init__(self, ontology: Ontology, som: Som) -> None:
+        self._som = som
         plan_of = takeovers(ontology, som.sources)
         self._reads: Dict[str, List[Service]] = {}  # by whoever has a substitute
         for service in som.may_be_needed():
@@ -55,12 +53,12 @@ class _Schedule:
                 except (NoSubstitute, GenerationError):
                     continue  # `check` says why
                 self._reads[service.name] = list(dict.fromkeys(each.service for each in reads))
-        self._hosts = Computers(own)
+        computers = Computers()
         for host in som.hosts.values():
-            self._hosts.seen(0.0, host.name, 0.0, host.cores or 0.0)
+            computers.seen(0.0, host.name, 0.0, host.cores or 0.0)
         self._placed: Dict[str, List[Cost]] = {}
         self._placement = Placement(
-            self._hosts, lambda host, _since: self._placed.get(host, []), lambda: som
+            computers, lambda host, _since: self._placed.get(host, []), lambda: som
         )
 
     def stand_by(self) -> Iterator[Finding]:
@@ -69,14 +67,11 @@ class _Schedule:
         for service in self._of(Standby.HOT):
             yield from self._place(service)
         for service in self._of(Standby.WARM):
-            try:
-                place = self._placement.place(0.0, service, self._reads[service.name])
-            except ShsaError:
-                continue  # said when it is to be placed
+            place = self._placement.place(0.0, service, self._reads[service.name])
             pools.setdefault(place.host, []).extend(self._reads[service.name])
         for host, inputs in pools.items():
-            idle = idle_cost(inputs, self._names(host))
-            self._placed.setdefault(host, []).extend([idle] * self._settings.pool)
+            idle = idle_cost(inputs, [host])
+            self._placed.setdefault(host, []).extend([idle] * Settings.pool)
 
     def after(self, services: Sequence[Service]) -> Iterator[Finding]:
         """Report what does not fit once some services have failed together."""
@@ -91,20 +86,11 @@ class _Schedule:
         return [each for each in placed if each.standby is standby]
 
     def _place(self, service: Service) -> Iterator[Finding]:
-        inputs, why = self._reads[service.name], ""
-        try:
-            place = self._placement.place(0.0, service, inputs)
-        except ShsaError as none:
-            why = str(none)
-        else:
-            takes = cost(inputs, service, self._names(place.host))
-            self._placed.setdefault(place.host, []).append(takes)
-            if place.passed_over:
-                why = "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
-        if why:
+        inputs = self._reads[service.name]
+        place = self._placement.place(0.0, service, inputs)
+        self._placed.setdefault(place.host, []).append(cost(inputs, service, [place.host]))
+        if place.passed_over:
+            why = "; ".join([*place.passed_over, f"it would run on {place.host or OWN}"])
             what = f"the substitute of {service.name} does not fit: {why}"
             todo = "Give it another placement or a colder standby, or its host more room"
             yield Finding("warning", service.where, what, todo)
-
-    def _names(self, host: str) -> Set[str]:
-        return {host, self._hosts.in_som(host)}

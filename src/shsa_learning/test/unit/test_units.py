@@ -8,11 +8,10 @@ from typing import List, Optional, Tuple
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from shsa_core.errors import UnitError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.language.expression import parse_constraint, parse_law
 from shsa_learning.units.mismatches import check_units, condition_mismatches, law_mismatches
-from shsa_learning.units.unit import Unit, parse_unit
+from shsa_learning.units.unit import Unit, UnitError, parse_unit
 from shsa_testing.thorough import many
 
 UNITS = {

@@ -11,7 +11,7 @@ from collections import deque
 from math import ceil, exp, remainder, sqrt, tau
 from typing import Collection, Deque, Dict, List, Optional, Tuple
 
-from shsa_core.model.calibration import PRIOR_GAIN, UNCALIBRATED, Calibration, aged, beyond
+from shsa_core.model.calibration import PRIOR_GAIN, UNCALIBRATED, Calibration
 from shsa_core.model.error import Error
 from shsa_core.derivations import settings
 
@@ -78,14 +78,16 @@ class Calibrator:
         return {turn: error for turn, error, _ in self._errors}
 
     def aged(self, time: float) -> float:
-        """Return the variance that has come since it was learned."""
-        known = not self._angle and self._learned is not None
-        return aged(max(0.0, time - (self._learned or 0.0)), self._variance) if known else 0.0
+        """Return the variance that has come since it was learned: its gain may be another."""
+        if self._angle or self._learned is None:
+            return 0.0
+        changes = settings.CHANGES_PER_HOUR * max(0.0, time - self._learned) / 3600.0
+        return (1.0 - exp(-changes)) * PRIOR_GAIN**2 * self._variance
 
     def beyond(self, derived: float) -> float:
         """Return the variance of a derived value by how far it is from all that was seen."""
         off = 0.0 if self._angle else abs(derived - self._mean_derived)
-        return beyond(off, self._variance)
+        return (PRIOR_GAIN * max(0.0, off - settings.SEEN * sqrt(self._variance))) ** 2
 
     def confirms(self, pull: float) -> bool:
         """Tell that the sensor does not pull it the same way as another derivation."""

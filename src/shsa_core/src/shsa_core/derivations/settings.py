@@ -25,6 +25,10 @@ DRIFT_S = 300.0
 GAIN_STEP = 0.05
 AS_STATED = 1.5
 """Times the stated error: a relation that has no more is not calibrated before it settles."""
+CHANGES_PER_HOUR = 2.0
+"""Of load, floor or battery, after which what was learned of a gain holds no more."""
+SEEN = 3.0
+"""Standard deviations within which a value is as it was seen: beyond, nobody knows the gain."""
 SAME_PULL = 0.5
 """Two derivations are pulled the same way by a sensor that drifts: one at least half as much."""
 ERRORS_APART = 2

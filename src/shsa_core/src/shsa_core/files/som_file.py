@@ -8,16 +8,16 @@ from typing import Any, Collection, Dict, Iterable, List, Mapping, Optional, Tup
 from shsa_core.errors import ModelError, ModelErrors, listed
 from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
-from shsa_core.files.readers import Keys, plain, plain_entry, read_entry, read_keys
+from shsa_core.files.readers import Keys, plain_entry, read_entry, read_keys
 from shsa_core.files.regular import written_by_others
 from shsa_core.language.syntax import is_name
-from shsa_core.model.checks import LEARNED, Check, Checks, default_checks, default_limit
+from shsa_core.model.checks import LEARNED, Check, default_checks, default_limit
 from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
 from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.som import Som, differences
-from shsa_core.model.service import Provision, Service, is_within
+from shsa_core.model.service import Provision, Service
 
 PARAMETER = "shsa/som"
 FROM_FILE_ALONE = (
@@ -266,7 +266,7 @@ def _claim(service: Service, claimed: Dict[str, List[Service]]) -> None:
 
 def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
     """Return a service from the parameter server. Raises ModelError if it goes too far."""
-    asked, meant = service_entry(service), service_entry(old)
+    asked, meant = service_parameters(service), service_parameters(old)
     for key in FROM_FILE_ALONE:
         if asked.get(key) != meant.get(key):
             said = meant.get(key, "not said")
@@ -280,7 +280,9 @@ def _as_in_file(service: Service, old: Service, entry: Value) -> Service:
         for what in ("checks", "error", "fault_tolerant_error"):
             if getattr(now, what) != getattr(before, what):
                 raise entry.error(f"{what} of {now.property} can be changed in the SOM file alone")
-        if not is_within(before.range, now.range):
+        low, high = now.range or (-inf, inf)
+        least, most = before.range or (-inf, inf)
+        if low > least or high < most:
             raise entry.error(f"range of {now.property}: only the SOM file can make it narrower")
     if (service.period or inf) < (old.period or inf):
         raise entry.error("period: only the SOM file can make it shorter")
@@ -305,14 +307,9 @@ def som_parameters(som: Som) -> Dict[str, object]:
 
 
 def service_parameters(service: Service) -> Dict[str, Any]:
-    """Return a service as it lies on the parameter server, without its command."""
-    safe = dataclasses.replace(service.last_resort, command=())
-    return service_entry(dataclasses.replace(service, last_resort=safe))
-
-
-def service_entry(service: Service) -> Dict[str, Any]:
-    """Return a service as it stands in a file, in plain values."""
-    entry = plain_entry(service, {k: SERVICE[k] for k in SERVICE if k not in ("gate", "provides")})
+    """Return a service as it lies on the parameter server: as in a file, without its command."""
+    apart = ("gate", "provides", "checks", "last_resort")
+    entry = plain_entry(service, {key: SERVICE[key] for key in SERVICE if key not in apart})
     entry["topic"] = service.heard
     if service.gated:
         entry["gate"] = service.topic
@@ -320,16 +317,12 @@ def service_entry(service: Service) -> Dict[str, Any]:
         entry["period"] = "none"
     if service.bridge == 0.0:
         entry["bridge"] = False
-    entry["checks"] = _check_entry(service.checks.each, MESSAGE_CHECKS)
-    for name in COUNTS:
-        if getattr(service.checks, name) != getattr(Checks, name):
-            entry["checks"][name] = getattr(service.checks, name)
-    entry["last_resort"] = plain(service.last_resort)
+    checks = _check_entry(service.checks.each, MESSAGE_CHECKS)
+    checks.update(plain_entry(service.checks, COUNTS))
+    if checks:
+        entry["checks"] = checks
     if service.last_resort.values:
-        entry["last_resort"]["values"] = dict(service.last_resort.values)
-    for key in ("checks", "last_resort"):
-        if not entry[key]:
-            del entry[key]
+        entry["last_resort"] = {"values": dict(service.last_resort.values)}
     entry["provides"] = {p.property: _value_entry(p, service.type) for p in service.provides}
     return entry
 

@@ -11,10 +11,6 @@ from shsa_core.model.substitution import Program
 
 PRIOR_GAIN = 0.3
 """The standard deviation of a relation's gain from 1 that is expected."""
-CHANGES_PER_HOUR = 2.0
-"""Of load, floor or battery, after which what was learned of a gain holds no more."""
-SEEN = 3.0
-"""Standard deviations within which a value is as it was seen: beyond, nobody knows the gain."""
 PARTED = 1.5
 """Two derivations part once the mean square of their difference is so many times the expected."""
 
@@ -53,16 +49,6 @@ class CalibrationsChanged:
 
     rows: Tuple[CalibrationRow, ...]
     removed: Tuple[Tuple[str, Program], ...] = ()
-
-
-def aged(age: float, variance: float) -> float:
-    """Return the variance that `age` s add to a value of a `variance`: its gain may be another."""
-    return (1.0 - exp(-CHANGES_PER_HOUR * age / 3600.0)) * PRIOR_GAIN**2 * variance
-
-
-def beyond(distance: float, variance: float) -> float:
-    """Return the variance that is added by the distance from the mean of what was seen."""
-    return (PRIOR_GAIN * max(0.0, distance - SEEN * sqrt(variance))) ** 2
 
 
 class Growth:

@@ -28,22 +28,16 @@ def file_name(path: str, namespace: str) -> str:
     return os.path.join(folder, "-".join((*filter(None, namespace.split("/")), name)))
 
 
-class RecentNames:
+class RecentNames(Dict[str, None]):
     """Names that were used: those in use, and at least the newest KEPT."""
-
-    def __init__(self) -> None:
-        self._names: Dict[str, None] = {}
 
     def add(self, name: str, used: Collection[str] = ()) -> None:
         """Keep a name; of the older ones those that are `used` stay."""
-        self._names[name] = None
-        if len(self._names) > 2 * KEPT + len(used):
-            for each in list(self._names)[:-KEPT]:
+        self[name] = None
+        if len(self) > 2 * KEPT + len(used):
+            for each in list(self)[:-KEPT]:
                 if each not in used:
-                    del self._names[each]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._names
+                    del self[each]
 
 
 class Names:

@@ -296,13 +296,6 @@ class Deadlines:
         return self.ADAPTIVE * usual if learned and usual is not None else usual
 
 
-def is_within(inner: Optional[Tuple[float, float]], outer: Optional[Tuple[float, float]]) -> bool:
-    """Tell if all of a range lies in another one; None: it has no limits."""
-    if inner is None or outer is None:
-        return outer is None
-    return outer[0] <= inner[0] and inner[1] <= outer[1]
-
-
 def signal_path(topic: str, field: str) -> str:
     """Return topic and field as one of the three strings has them, and `rostopic echo`."""
     return topic + "/" + to_path(field)

@@ -16,33 +16,27 @@ Usable = Callable[[int], bool]
 FREE: Rating = (0, 0, 0, SOURCE, 1.0)
 
 
-class Ratings:
+class Ratings(Dict[int, Rating]):
     """The best derivations of properties, by number; those not rated here are as in `base`."""
 
     def __init__(self, sources: SourceTable, base: Optional["Ratings"] = None) -> None:
+        super().__init__()
         self._network = sources.network
         self.sources = sources
         self._base = base
-        self._ratings: Dict[int, Rating] = {}
         self._made: Dict[int, Derivation] = {}
 
-    def __getitem__(self, number: int) -> Rating:
-        rating = self._ratings.get(number)
-        if rating is None:
-            return UNRATED if self._base is None else self._base[number]
-        return rating
-
-    def __setitem__(self, number: int, rating: Rating) -> None:
-        self._ratings[number] = rating
+    def __missing__(self, number: int) -> Rating:
+        return UNRATED if self._base is None else self._base[number]
 
     def by_function(self, function: int) -> Rating:
         """Rate a function with the best inputs: UNRATED if one is, else LOST if one is."""
-        network, known = self._network, self._ratings.get
+        network = self._network
         relations, leaves, lost = 1, 0, False
         price: float = network.costs[function]
         quality = network.functions[function].quality
         for number in network.inputs[function]:
-            cost, uses, inputs, by, part = known(number) or self[number]
+            cost, uses, inputs, by, part = self[number]
             if by < SOURCE:
                 if by == NOT_RATED:
                     return UNRATED
@@ -70,15 +64,15 @@ class Ratings:
             current = stack.pop()
             if current < 0:  # its inputs are made
                 current = ~current
-                by = self._ratings[current][3] - FUNCTION
+                by = self[current][3] - FUNCTION
                 parts = tuple([made[input_] for input_ in network.inputs[by]])
                 function = network.functions[by]
                 made[current] = Derivation(function.output, None, function, parts)
             elif current not in made:
-                if current not in self._ratings and self._base is not None:
+                if current not in self and self._base is not None:
                     made[current] = self._base.derivation(current)
                     continue
-                by = self._ratings[current][3] - FUNCTION
+                by = self[current][3] - FUNCTION
                 if by >= 0:
                     stack.append(~current)
                     stack.extend(network.inputs[by])
@@ -213,14 +207,14 @@ class BestDerivations:
                 if not lacking[function] and output in open_:
                     heappush(candidates, (*ratings.by_function(function), output))
 
-    def missing(self, target: int, ratings: Optional[Ratings] = None) -> List[str]:
+    def missing(self, target: int) -> List[str]:
         """Return the lost properties in reach of `target` from which all others could be derived.
 
         They are not the fewest, since each way to the target counts: of each part, a property or
         those that depend on one another, what cannot be derived though all outside can be. What
-        depends on the target cannot help it. `ratings`: after a failure.
+        depends on the target cannot help it.
         """
-        known, network = ratings or self.ratings, self._network
+        known, network = self.ratings, self._network
         graph = nx.DiGraph()
         open_ = [target]
         while open_:
@@ -230,7 +224,7 @@ class BestDerivations:
                 lost = [i for i in inputs if known[i] == LOST and target not in inputs]
                 open_ += [i for i in lost if i not in graph]
                 graph.add_edges_from((number, i) for i in lost)
-        found = Ratings(known.sources, known)
+        found = Ratings(self._sources, known)
         for number in graph:
             found[number] = LOST if number == target else FREE
         named: List[str] = []

@@ -4,7 +4,6 @@ from fractions import Fraction
 from typing import Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
 from shsa_core.analysis.check import Finding
-from shsa_core.errors import UnitError
 from shsa_core.language.expression import Expression, Law
 from shsa_core.language.functions import CONSTANTS, ELAPSED
 from shsa_core.language.trees import is_condition, literal, row
@@ -15,6 +14,7 @@ from shsa_learning.units.unit import (
     Number,
     Quantity,
     Unit,
+    UnitError,
     match,
     parse_unit,
     raised,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Dict, Mapping, Optional, Tuple
 
-from shsa_core.errors import UnitError
+from shsa_core.errors import ShsaError
 
 _UNIT = re.compile(
     r"""\s*(1|[A-Za-zµμΩ°%]+)(\s*(\^|\*\*)\s*-?[1-9](?!\d))?"""
@@ -15,6 +15,10 @@ _UNIT = re.compile(
 _MAX_LENGTH = 40
 _BASE = {"meter": "m", "second": "s", "kilogram": "kg", "gram": "g", "ampere": "A", "kelvin": "K"}
 _SPELLINGS = (("°C", "degC"), ("°", "degree"), ("%", "percent"), ("^", "**"))
+
+
+class UnitError(ShsaError):
+    """A text is not a unit."""
 
 
 @dataclass(frozen=True)
