@@ -1,7 +1,7 @@
 """Diagnostics of each service: its state by all its publishers."""
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Tuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
