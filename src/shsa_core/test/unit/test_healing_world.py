@@ -414,6 +414,8 @@ def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
     assert last_incident(commands).state is State.ENDED
     start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
     assert start.program is not None and start.program.outputs == ("/moved/data",)
+    robot.handle(events.SomChanged(30.0, Som(others)))
+    assert robot.core.services.keys() == robot.core._processes.substitutes.keys()
 
 
 def test_a_node_that_is_well_again_counts_for_all_that_it_publishes() -> None:

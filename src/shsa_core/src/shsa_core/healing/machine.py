@@ -208,7 +208,7 @@ class Reconfigurator:
 
     def _remove(self, name: str) -> List[Command]:
         commands = self._core.ask(name, lambda each: each.fire(Trigger.WITHDRAWN))
-        del self.services[name]
+        del self.services[name], self._processes.substitutes[name]
         self.robot.planner.plans.forget(name)
         self.robot.calibrations.forget(name)
         self._processes.no_stand_by(name)
