@@ -111,7 +111,7 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
         return [] if incident is None else [_withdrawn(incident, event.time)]
     robot = core.robot
     if incident is not None and incident.last_good is not None:
-        robot.health.good.add((incident.topic, incident.faulty_node))
+        robot.health.templates.setdefault((incident.topic, incident.faulty_node), b"")
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back
