@@ -121,7 +121,7 @@ class AnyRobot(RuleBasedStateMachine):
         self.used.add(command.node)
         self.running.add(command.node)
 
-    def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
+    def on_StopNode(self, command: events.StopNode) -> None:
         assert command.node in self.used | self.named
         self.running.discard(command.node)
 
@@ -434,7 +434,7 @@ class AnyRobot(RuleBasedStateMachine):
         while self.core.plans_ahead:
             self.hear(events.Idle(self.now))
         plans, method = self.core.robot.planner.plans, self.core.robot.settings.method
-        for service in self.core.needed():
+        for service in self.core.robot.som.needed():
             made, name = plans.plan(service.name), service.name
             found: Optional[Plan] = None
             try:
@@ -470,7 +470,7 @@ class AnyRobot(RuleBasedStateMachine):
     def teardown(self) -> None:
         if self.sound:
             commands = self.core.handle(events.ShuttingDown(self.now))
-            stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+            stopped = {each.node for each in commands if isinstance(each, events.StopNode)}
             assert stopped >= self.reached(), "a process is left behind"
             assert not [each for each in commands if isinstance(each, events.StartSubstitute)]
             assert self.core.handle(events.Tick(self.now + 1000.0)) == []

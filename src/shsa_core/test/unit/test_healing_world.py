@@ -128,7 +128,7 @@ def test_at_the_end_every_substitute_is_stopped() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     robot.handle(events.NodeRestarted(11.0, A))
-    assert robot.handle(events.ShuttingDown(20.0)) == [events.StopSubstitute(node)]
+    assert robot.handle(events.ShuttingDown(20.0)) == [events.StopNode(node)]
 
 
 def test_a_node_that_was_started_again_ends_with_whoever_started_it_first() -> None:
@@ -192,7 +192,7 @@ def test_the_failure_of_a_substitute_on_a_shared_topic_is_its_services() -> None
     node = only(robot.fail("/wheels", "/l_node", 10.0), events.StartSubstitute).node
     robot.killed(10.1, "/l_node")
     commands = robot.failure("/wheels", node, 11.5, "out_of_range", "too high", 11.4)
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).service == "left"
 
 
@@ -202,7 +202,7 @@ def test_new_models_leave_what_runs_and_change_the_plans() -> None:
     assert reads(robot, node) == ("/b/data",)
     other = replace(ONTOLOGY, functions=[function("only", "a", "3 * c", 0.7)])
     commands = robot.handle(events.SomChanged(20.0, SOM, other))
-    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    assert not has(commands, events.StopNode) and publishing(robot) == (True,)
     robot.idle(20.1)
     assert robot.core.explain("a").relations == ("only",)
     robot.row("/a", A, "healthy", 30.0)
@@ -218,7 +218,7 @@ def test_a_service_that_is_not_needed_any_more_is_left_alone() -> None:
     robot = Robot(Som([hot, *others]))
     (row,) = robot.working()
     commands = robot.handle(events.SomChanged(2.0, Som([replace(hot, needed=False), *others])))
-    assert only(commands, events.StopSubstitute).node == row.node
+    assert only(commands, events.StopNode).node == row.node
     assert not has(robot.fail("/a", A, 10.0), events.FindNode)
 
 
@@ -410,7 +410,7 @@ def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     commands = robot.handle(events.SomChanged(12.0, Som([replace(first, topic="/moved"), *others])))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.ENDED
     start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
     assert start.program is not None and start.program.outputs == ("/moved/data",)
@@ -481,7 +481,7 @@ def test_a_hot_service_that_nothing_can_replace_any_more_has_no_substitute() -> 
     (row,) = robot.working()
     robot.rows = {("/a", A): robot.rows["/a", A]}
     robot.table(5.0)
-    assert only(robot.idle(5.1), events.StopSubstitute).node == row.node
+    assert only(robot.idle(5.1), events.StopNode).node == row.node
     assert robot.working() == []
 
 

@@ -38,11 +38,11 @@ def started(core: Core, event: events.Started) -> List[Command]:
             robot.restarted.add(node)
     commands = _take_up(core, event)
     kept = {*core.processes.nodes, *robot.restarted}
-    stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+    stopped = {each.node for each in commands if isinstance(each, events.StopNode)}
     for node in event.running:
         if node not in kept | stopped:
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            commands.append(events.StopSubstitute(node))
+            commands.append(events.StopNode(node))
     if event.records:
         incidents = sum(each.state is not State.WELL for each in core.services.values())
         working, idle = len(core.processes.substituted), len(core.processes.pool.processes)
