@@ -19,6 +19,7 @@ import audit  # noqa: E402
 
 from shsa_core import message_types  # noqa: E402
 from shsa_core.analysis.check import check_functions  # noqa: E402
+from shsa_learning.check import check_laws  # noqa: E402
 from shsa_learning.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
 from shsa_core.codegen.program import compile_program  # noqa: E402
@@ -104,6 +105,7 @@ def ontology(data: bytes) -> None:
         assert function.law is None or parse_law(function.law.text) == function.law
     list(check_units(model))
     list(check_functions(model))
+    list(check_laws(model))
 
 
 @target

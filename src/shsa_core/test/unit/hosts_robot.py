@@ -42,7 +42,7 @@ def lost(robot: Robot, time: float, host: str) -> List[events.Command]:
 
 
 def stopped(commands: Sequence[events.Command]) -> List[str]:
-    return [each.node for each in commands if isinstance(each, events.StopSubstitute)]
+    return [each.node for each in commands if isinstance(each, events.StopNode)]
 
 
 def distributed(*hosts: str, **more: Any) -> Robot:

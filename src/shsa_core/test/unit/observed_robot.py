@@ -105,7 +105,7 @@ class ObservedRobot(RuleBasedStateMachine):
         self.used.add(command.node)
         self.running.add(command.node)
 
-    def on_StopSubstitute(self, command: events.StopSubstitute) -> None:
+    def on_StopNode(self, command: events.StopNode) -> None:
         assert command.node in self.used | self.named
         self.running.discard(command.node)
 

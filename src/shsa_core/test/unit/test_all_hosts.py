@@ -76,7 +76,7 @@ def test_a_node_is_where_the_som_says_if_there_is_an_agent(
 @pytest.mark.parametrize("host, home", [("pi", "pi"), ("", ""), ("notebook", "")])
 def test_a_substitute_is_where_it_was_started(robot: Robot, host: str, home: str) -> None:
     start = events.StartSubstitute("/substitute_a_1", None, host=host)
-    stop = events.StopSubstitute("/substitute_a_1")
+    stop = events.StopNode("/substitute_a_1")
     assert robot.do(start, events.EndProcess("/substitute_a_1"), stop) == [
         (home, start),
         (home, events.EndProcess("/substitute_a_1")),
@@ -86,7 +86,7 @@ def test_a_substitute_is_where_it_was_started(robot: Robot, host: str, home: str
 
 def test_what_ran_before_is_where_it_was_found(robot: Robot) -> None:
     assert robot.hosts.take_up()[:2] == ["/substitute_on_pi", "/substitute_on_board"]
-    stop = events.StopSubstitute("/substitute_on_board")
+    stop = events.StopNode("/substitute_on_board")
     assert robot.do(stop) == [("board", stop)]
 
 

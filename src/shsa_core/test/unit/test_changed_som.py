@@ -37,7 +37,7 @@ def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     commands = robot.handle(events.SomChanged(12.0, Som([*SOM][1:])))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.ENDED
 
 
@@ -47,7 +47,7 @@ def test_new_models_leave_what_runs_and_change_the_plans() -> None:
     assert reads(robot, node) == ("/b/data",)
     other = replace(ONTOLOGY, functions=[function("only", "a", "3 * c", 0.7)])
     commands = robot.handle(events.SomChanged(20.0, SOM, other))
-    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    assert not has(commands, events.StopNode) and publishing(robot) == (True,)
     robot.idle(20.1)
     assert robot.core.explain("a").relations == ("only",)
     robot.back(30.0)
@@ -62,7 +62,7 @@ def test_a_service_that_is_not_needed_any_more_is_left_alone() -> None:
     robot = Robot(Som([hot, *others]))
     (row,) = robot.working()
     commands = robot.handle(events.SomChanged(2.0, Som([replace(hot, needed=False), *others])))
-    assert only(commands, events.StopSubstitute).node == row.node
+    assert only(commands, events.StopNode).node == row.node
     assert not has(robot.fail("/a", A, 10.0), events.FindNode)
 
 
@@ -98,7 +98,7 @@ def test_a_changed_period_reaches_the_substitute_that_runs() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     slower = Som([replace(each, period=0.1) for each in SOM])
-    assert not has(robot.handle(events.SomChanged(12.0, slower)), events.StopSubstitute)
+    assert not has(robot.handle(events.SomChanged(12.0, slower)), events.StopNode)
     row = robot.shown[node]
     assert {signal.period for signal in (*row.inputs, *row.outputs)} == {0.1}
 
@@ -108,7 +108,7 @@ def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     commands = robot.handle(events.SomChanged(12.0, Som([replace(first, topic="/moved"), *others])))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.ENDED
     start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
     assert start.program is not None and start.program.outputs == ("/moved/data",)

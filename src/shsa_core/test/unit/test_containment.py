@@ -191,7 +191,7 @@ def test_a_bridged_node_that_wakes_with_nonsense_is_not_talked_over() -> None:
     start = only(robot.fail("/a", A, 10.0, "silent"), events.StartSubstitute)
     robot.heard(start.node, 10.5)
     commands = robot.fail("/a", A, 11.0, "out_of_range")
-    assert only(commands, events.StopSubstitute).node == start.node
+    assert only(commands, events.StopNode).node == start.node
     assert last_incident(commands).state is State.KEPT
 
 

@@ -30,7 +30,7 @@ def test_a_substitute_without_a_first_message_makes_room_for_the_next_best() -> 
     robot.connects(12.0, "/a", first.node)
     assert not has(robot.handle(events.Tick(14.9)), events.StartSubstitute)
     commands = robot.handle(events.Tick(15.1))
-    assert only(commands, events.StopSubstitute).node == first.node
+    assert only(commands, events.StopNode).node == first.node
     assert program_of(commands).inputs == ("/c/data",)
 
 
@@ -39,9 +39,9 @@ def test_a_process_that_is_not_up_yet_is_not_replaced_by_another_that_takes_as_l
     first = only(robot.fail("/a", A, 10.0), events.StartSubstitute)
     robot.killed(10.01, A)
     for time in (15.0, 20.0, 25.0):
-        assert not has(robot.handle(events.Tick(time)), events.StopSubstitute)
+        assert not has(robot.handle(events.Tick(time)), events.StopNode)
     commands = robot.handle(events.Tick(30.0))
-    assert only(commands, events.StopSubstitute).node == first.node
+    assert only(commands, events.StopNode).node == first.node
 
 
 def test_a_lost_input_is_replaced_before_the_substitute_falls_silent() -> None:
@@ -60,7 +60,7 @@ def test_silence_while_the_program_changes_is_no_failure_of_the_substitute() -> 
     robot.row("/b", B, "failed", 15.0)
     robot.table(15.01)
     commands = robot.failure("/a", node, 15.1, "silent", "no message.", 14.99)
-    assert not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StopNode)
     assert last_incident(robot.said).state is State.HEALING
     robot.row("/a", node, "healthy", 15.3, first=10.5)
     incident = last_incident(robot.table(15.3))
@@ -75,7 +75,7 @@ def test_a_program_that_yields_nothing_after_the_change_makes_room() -> None:
     robot.table(15.01)
     robot.failure("/a", node, 15.1, "silent", "no message.", 14.99)
     commands = robot.handle(events.Tick(20.1))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.UNHEALED
 
 
@@ -85,9 +85,7 @@ def test_a_failure_that_is_told_late_leaves_its_substitute_the_usual_time() -> N
     robot.fail("/a", A, 10.0)
     deadline = robot.core.deadline
     assert 100.0 <= deadline < inf
-    assert not any(
-        isinstance(each, events.StopSubstitute) for each in robot.handle(events.Tick(101.0))
-    )
+    assert not any(isinstance(each, events.StopNode) for each in robot.handle(events.Tick(101.0)))
 
 
 def test_a_monitor_that_starts_again_ends_no_substitute_whose_inputs_it_has_not_heard_yet() -> None:
@@ -101,7 +99,7 @@ def test_a_monitor_that_starts_again_ends_no_substitute_whose_inputs_it_has_not_
     assert not robot.said and node in robot.shown
     robot.handle(events.HealthSeen(20.2, tuple(healed.values())))
     robot.handle(events.Tick(30.0))
-    assert not has(robot.said, events.StopSubstitute) and publishing(robot) == (True,)
+    assert not has(robot.said, events.StopNode) and publishing(robot) == (True,)
 
 
 def test_an_input_that_a_new_monitor_never_hears_is_lost() -> None:
@@ -132,7 +130,7 @@ def test_a_first_message_counts_that_was_sent_before_the_program_changed(standby
     robot.row("/a", node, "healthy", 10.05, first=10.05)  # it is told late
     assert last_incident(robot.table(10.1)).state is State.HEALED
     commands = robot.handle(events.Tick(16.0))
-    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    assert not has(commands, events.StopNode) and publishing(robot) == (True,)
 
 
 def test_a_substitute_that_speaks_again_before_its_silence_is_told_is_not_ended() -> None:
@@ -144,4 +142,4 @@ def test_a_substitute_that_speaks_again_before_its_silence_is_told_is_not_ended(
     robot.table(12.5)
     assert robot.failure("/a", node, 12.4, "silent", "no message.", 12.0) is not None
     assert last_incident(robot.said).state is State.HEALED
-    assert not has(robot.handle(events.Tick(20.0)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(20.0)), events.StopNode)

@@ -102,14 +102,14 @@ def test_a_substitute_that_is_only_slow_goes_on_where_there_is_no_other() -> Non
     robot.row("/a", row.node, "healthy", 10.012, first=10.012)
     assert last_incident(robot.table(10.014)).state is State.HEALED
     slow = robot.failure("/a", row.node, 12.0, "rate_low", "too few came", 11.99)
-    assert has(slow, events.StopSubstitute), "there is another"
+    assert has(slow, events.StopNode), "there is another"
     (other,) = robot.working()
     robot.row("/a", other.node, "healthy", 12.3, first=12.3)
     assert last_incident(robot.table(12.4)).state is State.HEALED
     slow = robot.failure("/a", other.node, 14.0, "rate_low", "too few came", 13.99)
-    assert not has(slow, events.StopSubstitute) and bridges(robot) == ((True, 0.0),)
+    assert not has(slow, events.StopNode) and bridges(robot) == ((True, 0.0),)
     stuck = robot.failure("/a", other.node, 15.0, "stuck", "it stands", 14.9)
-    assert has(stuck, events.StopSubstitute)
+    assert has(stuck, events.StopNode)
 
 
 @pytest.mark.parametrize("first", (10.01, 9.99999))

@@ -214,7 +214,7 @@ class AnyRobot(ObservedRobot):
         while self.core.plans_ahead:
             self.hear(events.Idle(self.now))
         plans, method = self.core.robot.planner.plans, self.core.robot.settings.method
-        for service in self.core.needed():
+        for service in self.core.robot.som.needed():
             made, name = plans.plan(service.name), service.name
             found: Optional[Plan] = None
             try:
@@ -250,7 +250,7 @@ class AnyRobot(ObservedRobot):
     def teardown(self) -> None:
         if self.sound:
             commands = self.core.handle(events.ShuttingDown(self.now))
-            stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+            stopped = {each.node for each in commands if isinstance(each, events.StopNode)}
             assert stopped >= self.reached(), "a process is left behind"
             assert not [each for each in commands if isinstance(each, events.StartSubstitute)]
             assert self.core.handle(events.Tick(self.now + 1000.0)) == []

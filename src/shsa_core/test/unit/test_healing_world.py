@@ -124,7 +124,7 @@ def test_at_the_end_every_substitute_is_stopped() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     robot.handle(events.NodeRestarted(11.0, A))
-    assert robot.handle(events.ShuttingDown(20.0)) == [events.StopSubstitute(node)]
+    assert robot.handle(events.ShuttingDown(20.0)) == [events.StopNode(node)]
 
 
 def test_a_node_that_was_started_again_ends_with_whoever_started_it_first() -> None:
@@ -188,7 +188,7 @@ def test_the_failure_of_a_substitute_on_a_shared_topic_is_its_services() -> None
     node = only(robot.fail("/wheels", "/l_node", 10.0), events.StartSubstitute).node
     robot.killed(10.1, "/l_node")
     commands = robot.failure("/wheels", node, 11.5, "out_of_range", "too high", 11.4)
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).service == "left"
 
 
@@ -400,7 +400,7 @@ def test_a_hot_service_that_nothing_can_replace_any_more_has_no_substitute() -> 
     (row,) = robot.working()
     robot.rows = {("/a", A): robot.rows["/a", A]}
     robot.table(5.0)
-    assert only(robot.idle(5.1), events.StopSubstitute).node == row.node
+    assert only(robot.idle(5.1), events.StopNode).node == row.node
     assert robot.working() == []
 
 

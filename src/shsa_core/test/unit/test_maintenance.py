@@ -14,7 +14,7 @@ from shsa_core.model.som import Som
 
 ACTS = (
     *(events.FindNode, events.AskToLeave, events.EndProcess, events.RestartNode, events.StopNode),
-    *(events.StartSubstitute, events.StopSubstitute, events.RunCommand),
+    *(events.StartSubstitute, events.RunCommand),
 )
 
 
@@ -133,9 +133,9 @@ def test_models_that_were_exchanged_count_when_it_is_over() -> None:
     begin(robot, 10.0)
     som = Som([*list(SOM)[1:], service("new", A, needed=True, topic="/a")])
     robot.handle(events.SomChanged(11.0, som, ONTOLOGY))
-    assert [each.name for each in robot.core.needed()] == ["a"]
+    assert [each.name for each in robot.core.robot.som.needed()] == ["a"]
     end(robot, 20.0)
-    assert [each.name for each in robot.core.needed()] == ["new"]
+    assert [each.name for each in robot.core.robot.som.needed()] == ["new"]
 
 
 def test_it_begins_and_ends_once() -> None:
@@ -181,7 +181,7 @@ def test_shutting_down_ends_what_is_ours() -> None:
     substitute = robot.heal(10.0)
     begin(robot, 20.0)
     commands = robot.handle(events.ShuttingDown(21.0))
-    assert substitute in [c.node for c in commands if isinstance(c, events.StopSubstitute)]
+    assert substitute in [c.node for c in commands if isinstance(c, events.StopNode)]
 
 
 def test_a_node_that_was_started_again_still_ends_with_its_launch() -> None:

@@ -187,7 +187,7 @@ def test_a_substitute_bridges_while_the_node_is_started_again() -> None:
     assert only(commands, events.RestartNode).node == A and publishing(robot) == (True,)
     robot.back(12.0)
     assert publishing(robot) == (False,)
-    assert only(robot.handle(events.Tick(14.1)), events.StopSubstitute).node == node
+    assert only(robot.handle(events.Tick(14.1)), events.StopNode).node == node
 
 
 def test_a_node_that_publishes_two_lost_topics_is_started_once() -> None:
@@ -294,7 +294,7 @@ def test_the_original_takes_safe_values_over() -> None:
     robot.killed(21.1, A)
     robot.back(30.0)
     commands = robot.handle(events.Tick(40.0))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
 
 
 def test_the_command_is_run_once_when_nothing_is_left() -> None:

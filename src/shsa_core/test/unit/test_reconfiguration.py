@@ -84,9 +84,9 @@ def test_the_original_returns_and_the_substitute_stops_after_the_hold_off() -> N
     assert last_incident(commands).state is State.RETURNING
     assert publishing(robot) == (False,)
     assert robot.core.deadline == 22.01
-    assert not has(robot.handle(events.Tick(22.0)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(22.0)), events.StopNode)
     commands = robot.handle(events.Tick(22.02))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.ENDED
     assert publishing(robot) == ()
     assert robot.core._processes.nodes == ()
@@ -104,7 +104,7 @@ def test_an_original_that_fails_again_in_the_hold_off_gives_the_topic_back() -> 
     assert publishing(robot) == (True,)
     assert robot.core._processes.nodes == (node,)
     assert last_incident(robot.said).state is State.HEALED
-    assert not has(robot.handle(events.Tick(30.0)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(30.0)), events.StopNode)
 
 
 def test_an_old_table_is_not_taken_for_a_return() -> None:
@@ -120,7 +120,7 @@ def test_a_substitute_that_fails_is_replaced_by_the_next_best() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     commands = robot.failure("/a", node, 15.0, "out_of_range", "it is too high.", 14.9)
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert program_of(commands).inputs == ("/c/data",)
     assert not has(commands, events.FindNode)
 

@@ -97,7 +97,7 @@ def test_after_a_loss_both_begin_anew_and_what_is_not_wanted_is_stopped(
     cable.pass_time(0.2)
     session = cable.agent.session
     cable.whole = False
-    cable.host.carry_out(events.StopSubstitute(node), cable.now)
+    cable.host.carry_out(events.StopNode(node), cable.now)
     cable.tell(events.ProcessPulse(0.0, node, False))
     cable.host.carry_out(events.FindNode("/a"), cable.now)
     cable.whole = True
@@ -253,7 +253,7 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
     cable.tell(events.NodeRestarted(0.0, "/a"))
     cable.whole = False
     cable.pass_time(2.0)
-    cable.host.carry_out(events.StopSubstitute(SUBSTITUTE.node), cable.now)
+    cable.host.carry_out(events.StopNode(SUBSTITUTE.node), cable.now)
     cable.host.carry_out(events.StopNode("/a"), cable.now)
     cable.running = [SUBSTITUTE.node, kept.node, "/a"]
     cable.whole = True

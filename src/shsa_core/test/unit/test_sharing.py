@@ -78,7 +78,7 @@ def test_one_takes_over_and_yields_while_the_others_stand_by() -> None:
     found = robot()
     (node,) = (node for node, services in processes(found).items() if services == "cd")
     commands = found.fail("/c", "/c", 10.0)
-    assert not has(commands, healing.StartSubstitute) and not has(commands, healing.StopSubstitute)
+    assert not has(commands, healing.StartSubstitute) and not has(commands, healing.StopNode)
     found.killed(10.01, "/c")
     assert publishing(found).count(True) == 1
     found.row("/c", node, "healthy", 10.1, first=10.1)
@@ -89,7 +89,7 @@ def test_one_takes_over_and_yields_while_the_others_stand_by() -> None:
     found.row("/c", "/c", "healthy", 20.0)
     found.table(20.0)
     said = found.handle(healing.Tick(23.0))
-    assert found.core.incident("c") is None and not has(said, healing.StopSubstitute)
+    assert found.core.incident("c") is None and not has(said, healing.StopNode)
     assert processes(found)[node] == "cd" and publishing(found).count(True) == 0
 
 
@@ -102,9 +102,9 @@ def test_a_process_ends_with_its_last_substitute() -> None:
         found.som = other
         return found.handle(healing.SomChanged(time, other))
 
-    assert not has(without("c", 30.0), healing.StopSubstitute)
+    assert not has(without("c", 30.0), healing.StopNode)
     assert found.shown[f"{node} d"].service == "d" and f"{node} c" not in found.shown
-    assert only(without("d", 31.0), healing.StopSubstitute).node == node
+    assert only(without("d", 31.0), healing.StopNode).node == node
     assert node not in processes(found)
 
 
@@ -128,7 +128,7 @@ def test_who_follows_a_reconfigurator_takes_up_what_shares_a_process() -> None:
     rows = processes(found)
     (node,) = (node for node, services in rows.items() if services == "cd")
     said = succeed(found, 50.0, tuple(rows), ontology=found.core.robot.planner.ontology)
-    assert not has(said, healing.StopSubstitute) and processes(found) == rows
+    assert not has(said, healing.StopNode) and processes(found) == rows
     assert {row.service for row in found.working() if row.shared} == set("cdef")
     assert found.core._processes.served(node) == ("c", "d")
 

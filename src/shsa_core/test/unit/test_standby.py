@@ -88,9 +88,9 @@ def test_a_warm_process_that_does_not_publish_soon_makes_room_for_another_with_t
     robot.connects(2.0, "/a", silent)
     assert assigned(robot.fail("/a", A, 10.0)) == silent
     robot.killed(10.01, A)
-    assert not has(robot.handle(events.Tick(11.9)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(11.9)), events.StopNode)
     commands = robot.handle(events.Tick(12.0))
-    assert events.StopSubstitute(silent) in commands
+    assert events.StopNode(silent) in commands
     assert last_incident(commands).state is State.HEALING
     assert last_incident(commands).relations == ("good",)
 
@@ -101,9 +101,9 @@ def test_a_process_that_is_still_starting_is_given_the_time_of_a_start(mode: str
     node = only(robot.said, events.StartSubstitute).node  # at 1.0
     assert assigned(robot.fail("/a", A, 2.0)) == node
     robot.killed(2.01, A)
-    assert not has(robot.handle(events.Tick(5.9)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(5.9)), events.StopNode)
     robot.connects(5.95, "/a", node)
-    assert events.StopSubstitute(node) in robot.handle(events.Tick(6.0))
+    assert events.StopNode(node) in robot.handle(events.Tick(6.0))
 
 
 def test_the_table_tells_idle_processes_what_the_plans_of_warm_services_read_and_give() -> None:
@@ -184,7 +184,7 @@ def test_a_law_that_ceases_to_hold_makes_room_for_the_next_in_the_same_process(m
     assert last_incident(robot.table(10.06)).state is State.HEALED
     commands = no_value(robot, row.node, 11.0)
     assert assigned(commands) == row.node
-    assert not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StopNode)
     assert last_incident(commands).state is State.HEALED
     assert reads(robot, row.node) == ("/c/data",) and publishing(robot) == (True,)
 
@@ -217,7 +217,7 @@ def test_a_hot_substitute_stays_muted_after_the_original_returned() -> None:
     robot.back(20.0)
     commands = robot.handle(events.Tick(22.5))
     assert last_incident(commands).state is State.ENDED
-    assert not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StopNode)
     assert robot.core._processes.nodes == (node,) and publishing(robot) == (False,)
 
 
@@ -297,10 +297,10 @@ def test_one_that_hung_before_its_first_sign_of_life_makes_room_for_one_that_was
     assert assigned(robot.fail("/a", A, 10.0)) == hung
     robot.killed(10.01, A)
     refill = only(robot.handle(events.Tick(11.0)), events.StartSubstitute).node
-    assert not has(robot.handle(events.Tick(12.0)), events.StopSubstitute)
+    assert not has(robot.handle(events.Tick(12.0)), events.StopNode)
     robot.handle(events.ProcessPulse(12.5, refill, True))
     commands = robot.handle(events.Tick(14.0))
-    assert events.StopSubstitute(hung) in commands
+    assert events.StopNode(hung) in commands
     assert assigned(commands) == refill
 
 
@@ -308,7 +308,7 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     robot = Robot(standby("warm"), pool=1)
     (row,) = robot.idle_rows()
     commands = robot.handle(events.ProcessPulse(30.0, row.node, False))
-    assert only(commands, events.StopSubstitute).node == row.node
+    assert only(commands, events.StopNode).node == row.node
     start = only(robot.handle(events.Tick(32.0)), events.StartSubstitute)
     assert [each.node for each in robot.idle_rows()] == [start.node]
 
@@ -319,7 +319,7 @@ def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
     first, second = (row.node for row in robot.idle_rows())
     assert assigned(robot.fail("/a", A, 30.0)) == first
     commands = robot.handle(events.ProcessPulse(30.2, first, False))
-    assert only(commands, events.StopSubstitute).node == first
+    assert only(commands, events.StopNode).node == first
     assert assigned(commands) == second
     assert publishing(robot) == (True,)
 
@@ -327,7 +327,4 @@ def test_a_takeover_by_a_process_that_hangs_goes_to_the_next_at_once() -> None:
 def test_one_that_publishes_and_hangs_is_ended() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    assert (
-        only(robot.handle(events.ProcessPulse(21.0, node, False)), events.StopSubstitute).node
-        == node
-    )
+    assert only(robot.handle(events.ProcessPulse(21.0, node, False)), events.StopNode).node == node

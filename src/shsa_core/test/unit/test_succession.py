@@ -52,7 +52,7 @@ def test_what_publishes_goes_on_and_keeps_its_incident() -> None:
     row = robot.shown[node]
     commands = succeed(robot, 20.0, (node,))
     assert robot.shown[node] == row and row.publishing
-    assert not has(commands, events.StopSubstitute) and not has(commands, events.StartSubstitute)
+    assert not has(commands, events.StopNode) and not has(commands, events.StartSubstitute)
     assert not has(commands, events.FindNode)
     incident = last_incident(commands)
     assert (incident.id, incident.state, incident.substitute) == (1, State.HEALED, node)
@@ -65,7 +65,7 @@ def test_its_incident_ends_in_the_record_once_its_node_is_back() -> None:
     robot.back(25.0)
     commands = robot.handle(events.Tick(28.0))
     assert (last_incident(commands).id, last_incident(commands).state) == (1, State.ENDED)
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
 
 
 def test_incidents_and_substitutes_are_numbered_on() -> None:
@@ -95,7 +95,7 @@ def test_idle_processes_stay_ready() -> None:
     robot = Robot(som)
     (idle,) = robot.idle_rows()
     commands = succeed(robot, 20.0, (idle.node,))
-    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopNode)
     robot.table(20.1)
     robot.idle(20.2)
     assert assigned(robot.fail("/a", A, 30.0)) == idle.node
@@ -117,7 +117,7 @@ def test_an_idle_process_that_has_taken_over_by_itself_is_adopted() -> None:
     assert robot.shown[second.node].publishing and robot.shown[first.node].idle
     incident = last_incident(commands)
     assert (incident.state, incident.first_message) == (State.HEALED, 19.6)
-    for kind in (events.StartSubstitute, events.StopSubstitute):
+    for kind in (events.StartSubstitute, events.StopNode):
         assert not has(robot.handle(events.Tick(20.5)), kind)
 
 
@@ -126,7 +126,7 @@ def test_who_did_well_does_so_until_a_monitor_is_there() -> None:
     node = robot.heal(10.0)
     commands = succeed(robot, 20.0, (node,))
     commands += robot.handle(events.Tick(40.0))  # both healers died, and the monitor starts slowly
-    assert not has(commands, events.StopSubstitute) and publishing(robot) == (True,)
+    assert not has(commands, events.StopNode) and publishing(robot) == (True,)
     del robot.rows["/b", B]
     assert not has(robot.table(40.1), events.ShowSubstitutions)
     commands = robot.handle(events.Tick(45.2))
@@ -145,7 +145,7 @@ def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby
     assert len(nodes) == 1
     commands = succeed(robot, 20.0, nodes, heard, som=som)
     commands += robot.table(20.1) + robot.idle(20.2)
-    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StartSubstitute) and not has(commands, events.StopNode)
     robot.handle(events.GraphSeen(20.3, (("/a", ()),)))
     gone = robot.idle(20.4)
     assert standby is Standby.WARM or not robot.core._processes.nodes, gone
@@ -154,7 +154,7 @@ def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby
 def test_a_process_that_nothing_tells_of_is_ended() -> None:
     robot = Robot()
     commands = succeed(robot, 20.0, ("/substitute_a_7",))
-    assert only(commands, events.StopSubstitute).node == "/substitute_a_7"
+    assert only(commands, events.StopNode).node == "/substitute_a_7"
     robot.table(20.1)
     assert only(robot.fail("/a", A, 30.0), events.StartSubstitute).node == "/substitute_a_8"
 
@@ -164,7 +164,7 @@ def test_a_program_that_does_not_fit_the_models_any_more_is_not_gone_on_with() -
     node = robot.heal(10.0)
     other = Ontology(ONTOLOGY.properties, {}, [ONTOLOGY.functions[1]])
     commands = succeed(robot, 20.0, (node,), ontology=other)
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     start = only(commands, events.StartSubstitute)
     assert start.program is not None and start.program.inputs == ("/c/data",)
 
@@ -173,7 +173,7 @@ def test_the_incident_of_a_service_that_left_the_som_is_ended() -> None:
     robot = Robot()
     node = robot.heal(10.0)
     commands = succeed(robot, 20.0, (node,), som=Som(list(SOM)[1:]))
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
     assert (last_incident(commands).id, last_incident(commands).state) == (1, State.ENDED)
 
 
@@ -224,7 +224,7 @@ def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     robot = Robot(som)
     robot.handle(events.NodeRestarted(11.0, A))
     commands = succeed(robot, 20.0, (A,))
-    assert not has(commands, events.StopSubstitute)
+    assert not has(commands, events.StopNode)
     assert robot.handle(events.StarterEnded(21.0, A)) == [events.StopNode(A)]
 
 
@@ -263,7 +263,7 @@ def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> 
     robot.handle(events.Tick(15.0))
     commands = succeed(robot, 15.1, (node,))
     assert last_incident(commands).state is State.ENDED
-    assert only(commands, events.StopSubstitute).node == node
+    assert only(commands, events.StopNode).node == node
 
 
 def test_an_incident_is_told_that_ended_as_another_began_since_the_som_moved_its_topic() -> None:
@@ -327,6 +327,4 @@ def test_a_hot_substitute_stands_by_on_after_a_death_as_its_incident_ended() -> 
     assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
     commands = succeed(robot, 15.1, (node,))
     assert last_incident(commands).state is State.ENDED
-    assert not has(commands, events.StopSubstitute) and [row.node for row in robot.working()] == [
-        node
-    ]
+    assert not has(commands, events.StopNode) and [row.node for row in robot.working()] == [node]

@@ -4,8 +4,9 @@ from typing import Any, Iterable, Iterator, List, Mapping, Optional, Sequence, S
 
 from shsa_core.analysis.budget import check_budgets
 from shsa_core.analysis.check import Finding, check_functions, check_names
+from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
-from shsa_core.codegen.program import INTEGRAL
+from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, listed
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som, refuse_others_commands
@@ -62,7 +63,7 @@ def check_files(
 
 def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     """Return everything found in an ontology, and in a SOM if there is one."""
-    findings = [*check_units(ontology), *check_functions(ontology)]
+    findings = [*check_units(ontology), *check_functions(ontology), *check_laws(ontology)]
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
         findings += check_names(ontology, som)
@@ -93,6 +94,26 @@ def _from_error(error: ModelError) -> Finding:
 def _place(where: str) -> Tuple[str, int]:
     match = re.match(r"(.*):(\d+)\Z", where)
     return (match.group(1), int(match.group(2))) if match else (where, 0)
+
+
+def check_laws(ontology: Ontology) -> Iterator[Finding]:
+    """Report the functions of an ontology that are not computed, or not as a reader expects."""
+    for function in ontology.functions:
+        name = f"{function.relation} for {function.output}"
+        if function.law is None:
+            what = f"{name} cannot be executed: {function.text!r}"
+            todo = "Searches count it, but no substitute is made of it: write it as an expression"
+            yield Finding("warning", function.where, what, todo)
+            continue
+        try:
+            code = generate_function(function, ontology.constants).code
+        except GenerationError:
+            continue  # that is an error
+        if INTEGRAL in code and compile_program(code, len(function.inputs), 1).hidden:
+            what = f"{name}: an integral within an expression starts at 0 in a substitute"
+            todo = "Give the integral a property and a relation of its own: "
+            todo += "a lost value that is nothing but an integral starts at its last good value"
+            yield Finding("warning", function.where, what, todo)
 
 
 def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:

@@ -558,7 +558,7 @@ class HealthyRobot:
             self._watch(events.Message(self.now, topic, name, values))
         self._later(service.period or 0.1, lambda: self._speak(key, name, topic))
 
-    def _stop_substitute(self, command: healing.StopSubstitute) -> None:
+    def _stop_substitute(self, command: healing.StopNode) -> None:
         name = command.node
         self._running.discard(name)
         topics = {t for row in self._rows.values() if row.node == name for t in row.topics}
@@ -590,7 +590,7 @@ class HealthyRobot:
         healing.ClearNode: _clear,
         healing.LearnNode: _learn,
         healing.StartSubstitute: _start_substitute,
-        healing.StopSubstitute: _stop_substitute,
+        healing.StopNode: _stop_substitute,
         healing.ShowSubstitutions: _show_substitutions,
     }
 

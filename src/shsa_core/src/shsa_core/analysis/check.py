@@ -4,11 +4,10 @@ from typing import Iterator, List, NamedTuple, Tuple
 
 from shsa_core import message_types
 from shsa_core.codegen.generator import generate_function
-from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, ModelErrors
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field_value import problem
-from shsa_core.model.ontology import Ontology, TransferFunction
+from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
@@ -39,24 +38,13 @@ def refuse_invalid(ontology: Ontology, som: Som) -> None:
 
 
 def check_functions(ontology: Ontology) -> Iterator[Finding]:
-    """Report the functions of an ontology that cannot be computed, or not as a reader expects."""
+    """Report the functions of an ontology of which no code can be generated."""
     for function in ontology.functions:
-        if function.law is None:
-            what = f"{_name(function)} cannot be executed: {function.text!r}"
-            todo = "Searches count it, but no substitute is made of it: write it as an expression"
-            yield Finding("warning", function.where, what, todo)
-            continue
         try:
-            program = generate_function(function, ontology.constants)
+            if function.law is not None:
+                generate_function(function, ontology.constants)
         except GenerationError as error:
             yield Finding("error", function.where, str(error), "Correct the function or a constant")
-            continue
-        count = len(function.inputs)
-        if INTEGRAL in program.code and compile_program(program.code, count, 1).hidden:
-            what = "an integral within an expression starts at 0 in a substitute"
-            todo = "Give the integral a property and a relation of its own: "
-            todo += "a lost value that is nothing but an integral starts at its last good value"
-            yield Finding("warning", function.where, f"{_name(function)}: {what}", todo)
 
 
 def check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
@@ -67,10 +55,6 @@ def check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
             what = f"{source.service.name} provides '{source.property}', which {kind} in the"
             todo = "Correct the name, or add it to 'properties'"
             yield Finding("error", source.provision.where, f"{what} ontology", todo)
-
-
-def _name(function: TransferFunction) -> str:
-    return f"{function.relation} for {function.output}"
 
 
 class Problem(NamedTuple):

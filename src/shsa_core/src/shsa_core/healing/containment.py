@@ -127,7 +127,7 @@ class Stakes:
             tuple(sorted(self._costs(service, node, published))),
             self._health.duties.get(node, ()),
             tuple(sorted(useful)),
-            (service.topic, node) in self._health.good,
+            (service.topic, node) in self._health.templates,
             service.gated,
             bool(self._robot.host_of(node)),
         )

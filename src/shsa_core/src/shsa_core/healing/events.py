@@ -361,16 +361,12 @@ class StartSubstitute(NodeCommand):
     shared: bool = False
 
 
-class StopSubstitute(NodeCommand):
-    """End a substitute's process."""
-
-
 class RestartNode(NodeCommand):
     """Start a node again as it was started; answered by NodeRestarted or RestartFailed."""
 
 
 class StopNode(NodeCommand):
-    """End a node that was started again."""
+    """End the process of a substitute, or a node that was started again."""
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ class Health:
     not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
     a node is never killed unless the SOM says so; `duties`: what a kill costs beyond the SOM.
     `verified`: the nodes whose process is known. `startable`: those that healing can start again,
-    as it knows how they were started. `good`: who has ever published a topic well.
-    `templates`: a message of each who was well. `consumers`: the nodes outside healing that
+    as it knows how they were started. `templates`: who has ever published a topic well, and the
+    last message of it that was; empty: not known. `consumers`: the nodes outside healing that
     subscribe to each topic. `due`: when `missed` has something to tell.
     `stranded`: who did well when its monitor was lost, or was silent before we started: whoever
     tells next that it does well means now.
@@ -47,7 +47,6 @@ class Health:
         self.duties: Dict[str, Tuple[str, ...]] = {}
         self.verified: Set[str] = set()
         self.startable: Set[str] = set()
-        self.good: Set[Key] = set()
         self.templates: Dict[Key, bytes] = {}
         self.consumers: Dict[str, Tuple[str, ...]] = {}
         self.due = inf
@@ -149,7 +148,7 @@ class Health:
         if node:
             self.topics.setdefault(node, {})[topic] = None
         if row.is_well or row.last_good is not None:
-            self.good.add(row.key)
+            self.templates.setdefault(row.key, b"")
         if row.is_well and row.last_message:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
@@ -173,7 +172,7 @@ class Health:
             self.topics.pop(node, None)
             self.verified.discard(node)
         if node in self.substitutes:
-            self.good.discard(key)  # its name is not used again
+            self.templates.pop(key, None)  # its name is not used again
 
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""

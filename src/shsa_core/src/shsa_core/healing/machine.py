@@ -151,10 +151,6 @@ class Reconfigurator:
         dues = self._processes.deadline, self._nodes.deadline, robot.health.due
         return min(*dues, core.agenda.next(), core.asked.next(), robot.computers.settling.next())
 
-    def needed(self) -> Tuple[Service, ...]:
-        """Return the services that are healed when they fail."""
-        return self.robot.som.needed()
-
     def incident(self, service: str) -> Optional[Incident]:
         """Return the open incident of a service."""
         return self._core.incident(service)
@@ -208,7 +204,7 @@ class Reconfigurator:
 
     def _remove(self, name: str) -> List[Command]:
         commands = self._core.ask(name, lambda each: each.fire(Trigger.WITHDRAWN))
-        del self.services[name]
+        del self.services[name], self._processes.substitutes[name]
         self.robot.planner.plans.forget(name)
         self.robot.calibrations.forget(name)
         self._processes.no_stand_by(name)
@@ -269,7 +265,7 @@ class Reconfigurator:
             return []
         for key in [key for key in self.robot.records.rows if key != "counters"]:
             self.robot.records.set(key, None)
-        return [events.StopSubstitute(node) for node in self._processes.nodes]
+        return [events.StopNode(node) for node in self._processes.nodes]
 
     def _maintenance_set(self, event: events.MaintenanceSet) -> List[Command]:
         """Kill and start nothing, or do so again once the monitors had a moment to tell."""

@@ -161,7 +161,7 @@ class Processes:
         if services:
             return []
         self._forget(node)
-        return [events.StopSubstitute(node)]
+        return [events.StopNode(node)]
 
     def heard(self, node: str) -> List[Command]:
         """Note that a process gives a sign of life."""
@@ -178,7 +178,7 @@ class Processes:
         self.pool.died(self._robot.time, node)
         self._forget(node)
         text = f"An idle substitute failed: {why}."
-        return [events.StopSubstitute(node), Log(Level.WARN, text)]
+        return [events.StopNode(node), Log(Level.WARN, text)]
 
     def _forget(self, node: str) -> None:
         self._services.pop(node, None)
@@ -209,7 +209,7 @@ class Processes:
         for node in self.pool.surplus(self._robot.computers):
             self.pool.drop(node)
             self._forget(node)
-            commands.append(events.StopSubstitute(node))
+            commands.append(events.StopNode(node))
         host = None if time < self.starts.held_until else self.pool.due(time)
         while host is not None:
             command = events.StartSubstitute(self._robot.names.fresh("standby"), None, host=host)

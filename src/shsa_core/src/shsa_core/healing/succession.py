@@ -38,11 +38,11 @@ def started(core: Core, event: events.Started) -> List[Command]:
             robot.restarted.add(node)
     commands = _take_up(core, event)
     kept = {*core.processes.nodes, *robot.restarted}
-    stopped = {each.node for each in commands if isinstance(each, events.StopSubstitute)}
+    stopped = {each.node for each in commands if isinstance(each, events.StopNode)}
     for node in event.running:
         if node not in kept | stopped:
             commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            commands.append(events.StopSubstitute(node))
+            commands.append(events.StopNode(node))
     if event.records:
         incidents = sum(each.state is not State.WELL for each in core.services.values())
         working, idle = len(core.processes.substituted), len(core.processes.pool.processes)
@@ -111,7 +111,7 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
         return [] if incident is None else [_withdrawn(incident, event.time)]
     robot = core.robot
     if incident is not None and incident.last_good is not None:
-        robot.health.good.add((incident.topic, incident.faulty_node))
+        robot.health.templates.setdefault((incident.topic, incident.faulty_node), b"")
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back

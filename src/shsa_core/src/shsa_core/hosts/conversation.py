@@ -100,7 +100,7 @@ class RemoteHost:
             self._watched = command
         elif isinstance(command, (events.StartSubstitute, events.RestartNode)):
             self._wanted.add(command.node)
-        elif isinstance(command, (events.StopSubstitute, events.StopNode)):
+        elif isinstance(command, events.StopNode):
             self._wanted.discard(command.node)
         if self.is_reached:
             self._send(command)

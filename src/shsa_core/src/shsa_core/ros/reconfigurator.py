@@ -299,7 +299,7 @@ class ReconfiguratorNode:
         """Say what is healed, once it is watched and needed, and again when that is more."""
         if not self._is_monitored:
             return
-        topics = [service.topic for service in self._core.needed()]
+        topics = [service.topic for service in self._core.robot.som.needed()]
         if self._healed is None or not self._healed.issuperset(topics):
             does = "healing" if self._master.acts else "advising (nothing is killed or started) on"
             rospy.loginfo("Reconfigurator ready, %s: %s.", does, ", ".join(topics) or "nothing")
@@ -341,8 +341,8 @@ class ReconfiguratorNode:
         self._heed_maintenance()
         core, found, listed = self._core, self._incidents.open(), self._listed[1]
         open_ = {name: replace(each, errors=core.errors(name)) for name, each in found.items()}
-        done = self._core.needed(), open_, self._master, self._hosts.remote, listed
-        self._diagnostics.show((*done, self._core.robot.maintained))
+        done = core.robot.som.needed(), open_, self._master, self._hosts.remote, listed
+        self._diagnostics.show((*done, core.robot.maintained))
 
     def _failure(self, message: msg.Failure) -> None:
         monitors = (rospy.resolve_name(names.monitor_of(host)) for host in self._monitors)

@@ -84,7 +84,7 @@ class Services:
         """Return the needed service of a name or topic. Raises ShsaError."""
         service: Service = self._ask(lambda: self._core.find(name))
         if not service.needed:
-            known = ", ".join(each.topic for each in self._core.needed())
+            known = ", ".join(each.topic for each in self._core.robot.som.needed())
             raise ShsaError(f"{name} is not a needed service; these are: {known}")
         return service
 

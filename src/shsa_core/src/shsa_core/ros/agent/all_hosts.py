@@ -60,7 +60,7 @@ class AllHosts:
         if isinstance(command, events.StartSubstitute):
             self._homes[command.node] = command.host
         self._send(self._home(command.node), command)
-        if isinstance(command, events.StopSubstitute):
+        if isinstance(command, events.StopNode):
             self._homes.pop(command.node, None)
 
     def listen(self, hosts: Iterable[str], taking_up: bool = False) -> None:

@@ -60,7 +60,6 @@ class LocalHost:
                 events.EndProcess: by("end process", self._end_process),
                 events.ClearNode: self._by(clearing, self._clear),
                 events.StartSubstitute: self._start,
-                events.StopSubstitute: stop,
                 events.RestartNode: self._restart,
                 events.StopNode: stop,
             },
