@@ -7,7 +7,7 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 29115, "healing": 4410, "monitoring": 2430, "ros": 8565}
+LINES = {"": 28935, "healing": 4401, "monitoring": 2422, "ros": 8488}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """

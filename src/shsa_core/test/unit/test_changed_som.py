@@ -39,6 +39,7 @@ def test_a_topic_that_leaves_the_som_ends_its_incident() -> None:
     commands = robot.handle(events.SomChanged(12.0, Som([*SOM][1:])))
     assert only(commands, events.StopNode).node == node
     assert last_incident(commands).state is State.ENDED
+    assert robot.core.services.keys() == robot.core._processes.substitutes.keys()
 
 
 def test_new_models_leave_what_runs_and_change_the_plans() -> None:
