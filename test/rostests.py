@@ -25,8 +25,7 @@ SELDOM: Dict[str, str] = {
     "flapping": "policies.test",
     "gates": "gate.test",
     "hang": "bridging.test",
-    "heal_amperemeter": "paper.test",
-    "heal_every_topic": "two_robots.test",
+    "heal_every_topic": "heal_amperemeter.test",
     "heal_repeatedly": "takeover.test",
     "hot_hosts": "test_sharing.py",
 }

@@ -41,7 +41,7 @@ UNDRAWN = (
 )
 COMPUTED = ("truth",)
 """They start no robot: test_bench_tool.py has them."""
-SELDOM = ("failover", "interference", "transfer_nodes", *COMPUTED, *UNDRAWN)
+SELDOM = ("gated", "interference", "transfer_nodes", *COMPUTED, *UNDRAWN)
 """They only measure what others test: in `make test-long`."""
 
 

@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 import pytest
 from listings import ROOT
 
-from shsa_core import message_types
 from shsa_core.cli.main import command_line
 from shsa_core.files import keys
 from shsa_core.language.functions import CALLS
 from shsa_core.model.kinds import Kind
+from shsa_learning.type_check import available
 
 PAGES = sorted((ROOT / "docs" / "reference").glob("*.md"))
 INTERFACES = sorted(
@@ -62,7 +62,7 @@ def test_every_kind_has_its_row() -> None:
     assert [row[0].strip("`") for row in rows("kinds")] == [kind.value for kind in Kind]
 
 
-@pytest.mark.skipif(not message_types.available(), reason="there is no ROS here")
+@pytest.mark.skipif(not available(), reason="there is no ROS here")
 @pytest.mark.parametrize("path", INTERFACES, ids=lambda path: path.name)
 def test_every_field_of_a_message_has_its_row(path: Path) -> None:
     built = getattr(importlib.import_module(f"shsa_msgs.{path.parent.name}"), path.stem)

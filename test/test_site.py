@@ -92,7 +92,7 @@ def test_nothing_is_loaded_from_another_host(pages: Dict[Path, Html]) -> None:
 def test_a_browser_shows_pages_without_a_complaint(site: Path) -> None:
     browser = Browser()
     try:
-        for page in some(sorted(site.rglob("*.html"))):
+        for page in some(sorted(site.rglob("*.html")), 3):
             browser.driver.get(page.as_uri())
             for size in (WIDE, PHONE):
                 browser.size(*size)

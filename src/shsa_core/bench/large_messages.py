@@ -26,9 +26,10 @@ GOAL_B, GOAL_PERCENT = 1_000_000, 1.5
 SETTLING_TIME_S, RUN_S, SHORT_RUN_S = 4.0, 10.0, 4.0
 UNJUDGED = {"field": "height", "checks": {"not_a_number": False, "stuck": False}}
 COPYING = """
+from functools import partial
 from shsa_core.ros import monitor
-from shsa_core.ros.reader import ALL, Reader
-monitor.Reader = lambda: Reader(ALL)
+from shsa_core.ros.reader import ALL, event_of
+monitor.event_of = partial(event_of, unjudged=ALL)
 monitor.main()
 """
 NOTHING, COPIES, DROPS = "nothing comes", "copied", "dropped"

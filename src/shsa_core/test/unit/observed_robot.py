@@ -166,6 +166,7 @@ class ObservedRobot(RuleBasedStateMachine):
             plan = healing.substitute.plan
             if plan is not None:
                 service = core.robot.som.services[name]
+                own = core.robot.health.row((service.topic, service.node))
                 elsewhere = service.host and core.robot.computers.name(service.host)
                 parted = bool(healing.substitute.host or elsewhere)
                 waits = healing.state in SUBSTITUTED and not healing.publishes
@@ -187,7 +188,7 @@ class ObservedRobot(RuleBasedStateMachine):
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=healing.yields,
-                    provider=service.node,
+                    provider="" if own is None or own.has_failed else service.node,
                     bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows

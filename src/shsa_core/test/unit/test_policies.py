@@ -51,7 +51,7 @@ def test_a_node_is_started_again_with_growing_pauses_and_then_given_up() -> None
     assert incident.state is State.UNHEALED and incident.restarts == 2
     assert "2 times in vain" in incident.detail
     assert not has(robot.said, events.StartSubstitute)
-    assert not has(robot.handle(events.Tick(30.0)), events.FindNode), "it is not awaited any more"
+    assert not has(robot.handle(events.Tick(34.0)), events.FindNode), "it is not awaited any more"
 
 
 LEFT = SOM.with_services(replace(each, needed=False) for each in som("restart"))

@@ -5,6 +5,7 @@ from typing import Any, List, Optional, Tuple
 import pytest
 from hypothesis import given, settings, strategies as st
 from substitute_driver import PERIOD, Driver, idle, only, row, signal
+from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution import events
 from shsa_core.substitution.settings import ALONE_LOOKS, LATE, LOOK_AGAIN_S, STEADY
@@ -303,11 +304,21 @@ def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_fille
     assert robot.filled
 
 
-def test_a_stranger_is_not_filled_in_for_and_stands_in_nobodys_way() -> None:
-    robot = Robot(replace(bridges(), provider="/original")).stream(1.0).stranger_speaks(1.001)
+@pytest.mark.parametrize("on_partition", OnPartition)
+def test_a_stranger_is_not_filled_in_for_and_stands_in_nobodys_way(
+    on_partition: OnPartition,
+) -> None:
+    told = replace(bridges(), provider="/original", on_partition=on_partition)
+    robot = Robot(told).stream(1.0).stranger_speaks(1.001)
     assert robot.gone(1.002, "/stranger").to(1.01).filled == []
     robot.stranger_speaks(1.03).stranger_speaks(1.04).to(1.2)
     assert 0 < len(robot.filled) and robot.filled[0] <= 1.0 + BRIDGE + LOOK
+
+
+def test_another_provider_is_not_late_before_it_was_heard() -> None:
+    robot = Robot(replace(bridges(), provider="/original")).stream(1.0)
+    robot.driver.change(replace(bridges(), provider="/another"))
+    assert robot.to(1.3).filled == []
 
 
 def test_it_starts_from_what_the_original_said_last() -> None:

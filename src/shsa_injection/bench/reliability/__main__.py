@@ -82,7 +82,7 @@ def main() -> int:
         "--seed", type=int, default=0, help="the first trial's; the next ones follow"
     )
     parser.add_argument("--busy", type=int, default=0, help="processes that compute meanwhile")
-    parser.add_argument("--results", type=Path, default=Path("results/reliability"))
+    parser.add_argument("--results", type=Path)
     parser.add_argument("--work", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--seeds", type=int, nargs="*", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -92,6 +92,8 @@ def main() -> int:
     unknown = sorted(set(options.lines) - set(LINES))
     if unknown:
         parser.error(f"no such line: {unknown}; there are {sorted(LINES)}")
+    folder = f"reliability_busy_{options.busy}" if options.busy else "reliability"
+    options.results = options.results or Path("results") / folder
     options.results.mkdir(parents=True, exist_ok=True)
     path = options.results / "trials.jsonl"
     if options.anew and path.exists():

@@ -42,7 +42,7 @@ def available() -> bool:
 def types_beside(name: str) -> List[str]:
     """Return the messages in the package of the type `name`; none if the package is not here."""
     package = name.split("/")[0]
-    if not message_types.is_built(package, "msg", "__init__"):
+    if not package.isidentifier() or not message_types.is_built(package, "msg", "__init__"):
         return []
     try:
         module = importlib.import_module(f"{package}.msg")

@@ -156,7 +156,14 @@ def test_a_package_that_is_broken_is_named(tmp_path: pathlib.Path, monkeypatch: 
 
 
 @needs_ros
-@pytest.mark.parametrize("name", ["unittest/main", "this/Zen", "../../etc/Passwd", "a/B" * 99, ""])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("unittest/main", "unittest.__main__/x", "this/Zen", "os/path", "os.path/join"),
+        *("../../etc/Passwd", "/Float64", "std_msgs\0/Float64", "std_msgs.msg/Float64"),
+        *("genpy/Message", "shsa_core/errors", "é/ü", "a/B" * 99, "", "*"),
+    ],
+)
 def test_nothing_is_loaded_for_a_name_that_is_no_message_type(name: str) -> None:
     message_types.message_class("std_msgs/Float64")
     before = set(sys.modules)

@@ -198,6 +198,7 @@ class Derivations:
                 self._keep(followed)
             else:
                 self._gone.append(followed)
+        self._refreshed = [each for each in self._refreshed if each not in self._gone]
 
     def _keep(self, followed: FollowedPlan) -> None:
         self._services[followed.plan.service].plans.append(followed)

@@ -383,6 +383,7 @@ class ServiceMachine:
         if plan is None or not substitute.node:
             return None
         publishes = self.publishes
+        own = self.robot.health.rows[spec.topic].get(spec.node)
         return self.robot.planner.row(
             spec,
             plan,
@@ -397,6 +398,7 @@ class ServiceMachine:
             gated=spec.gated,
             shared=substitute.shared,
             template=self.robot.health.templates.get((spec.topic, spec.node), b""),
+            provider="" if own is None or own.has_failed else spec.node,
         )
 
     def _bridge(self) -> float:

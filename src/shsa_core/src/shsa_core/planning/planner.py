@@ -216,7 +216,7 @@ class Planner:
 
     def row(self, service: Service, plan: Optional[Plan], **more: Any) -> Substitution:
         """Return a row of the table of substitutions; `plan`: what is followed, as far as known."""
-        more.update(service=service.name, provider=service.node, others=service.others)
+        more.update(service=service.name, others=service.others)
         if plan is None:
             outputs = self.signals(service.sources, written=True)
             return Substitution(inputs=(), code="", outputs=outputs, **more)

@@ -34,7 +34,7 @@ class Inputs:
         self._read: Set[str] = set()
         self._overheard: Dict[str, str] = {}  # by topic: whose message is kept
         self._newest: Dict[Tuple[str, str], Arrived] = {}
-        self._last: Dict[str, bytes] = {}
+        self._last: Dict[str, Tuple[str, bytes]] = {}  # by topic: from whom, and what
 
     # From any thread.
 
@@ -60,6 +60,8 @@ class Inputs:
     def overhear(self, topic: str, kind: str, provider: str = "") -> None:
         """Hear what others publish on a topic; keep the last message of one, or of any."""
         self._overheard[topic] = provider
+        if provider not in ("", self._last.get(topic, ("", b""))[0]):
+            self._last.pop(topic, None)
         self._subscribe(topic, kind)
         self._inbox.put(None)
 
@@ -104,7 +106,7 @@ class Inputs:
 
     def last(self, topic: str) -> bytes:
         """Return the last message that was kept on a topic, serialized; empty: there is none."""
-        return self._last.get(topic, b"")
+        return self._last.get(topic, ("", b""))[1]
 
     def stands(self, topic: str, publisher: str) -> bool:
         """Return whether a connection to a publisher stands; all that came on it was told."""
@@ -133,7 +135,7 @@ class Inputs:
         if decoder is None:
             return []
         if self._overheard[topic] in ("", connection.publisher):
-            self._last[topic] = data
+            self._last[topic] = connection.publisher, data
         stamped = min(stamp(data), ros_time) if decoder.has_stamp else 0
         return [OtherHeard(time, topic, connection.publisher, stamped)]
 

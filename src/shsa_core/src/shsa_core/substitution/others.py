@@ -30,6 +30,7 @@ class OtherPublishers:
         self._sources = sources
         self._watch = Watch()
         self._since = -math.inf  # when they were heard, or it began to listen
+        self._anybody = -math.inf  # the same, with strangers
         self.cut = False  # the reconfigurator is out of reach
         self._publishing = self._yields = False
         self._deadline = math.inf
@@ -47,10 +48,12 @@ class OtherPublishers:
         self.heals = row.on_partition is OnPartition.HEAL and topic != ""
         listens = self.heals or row.yields
         listened = topic if listens or bridge else ""
-        if not bridge or not self.bridge or listened != self.topic:
+        same = (listened, row.provider) == (self.topic, self.provider)
+        if not bridge or not self.bridge or not same:
             self.forget()
         if listened != self.topic:
-            self.topic, self.heard, self._since = listened, Heard.NOBODY, self._watch.now
+            self.topic, self.heard = listened, Heard.NOBODY
+            self._since = self._anybody = self._watch.now
         if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
         self.provider = row.provider
@@ -72,7 +75,7 @@ class OtherPublishers:
     def pass_time(self, now: float, wanted: float) -> None:
         """Let time pass; we `wanted` to wake by then, inf: whenever."""
         self._watch.look(now, wanted)
-        if self.heard is not Heard.NOBODY and self._watch.has_passed(self._since, self._deadline):
+        if self.heard is not Heard.NOBODY and self._watch.has_passed(self._anybody, self._deadline):
             self.heard = Heard.SILENCE
 
     def hear(self, event: OtherHeard) -> None:
@@ -80,9 +83,9 @@ class OtherPublishers:
         if not self.topic or event.topic != self.topic:
             return
         rival = self._yields or self.heals and (self.cut or self.heard is Heard.RIVAL)
-        if not rival and not self.heals and self.provider not in ("", event.publisher):
+        self.heard, self._anybody = Heard.RIVAL if rival else Heard.ANOTHER, self._watch.now
+        if not rival and self.provider not in ("", event.publisher):
             return
-        self.heard = Heard.RIVAL if rival else Heard.ANOTHER
         self._note_pace(self._watch.passed(self._since))
         self.last, self._since, self._read = event, self._watch.now, self._sources()
         self.original, self._awaited, self._alone = Original.SPEAKS, None, 0
@@ -155,7 +158,7 @@ class OtherPublishers:
         """Return when to wake; `fills_in`: it might. Infinite: not before they are heard again."""
         alone = self.heard is Heard.ANOTHER and self.cut_off and not self._publishing
         waits = alone or self.heard is Heard.RIVAL
-        silent = self._watch.when(self._since, self._deadline) if waits else math.inf
+        silent = self._watch.when(self._anybody, self._deadline) if waits else math.inf
         return min(silent, self._next_look(now) if fills_in else math.inf)
 
     @property
