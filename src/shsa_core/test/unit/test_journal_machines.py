@@ -32,9 +32,11 @@ class RecordedRobot(Robot):
         """One event, recorded with its answer."""
         if self.journal is None:
             self.journal = JournalWriter(str(self._path), "healing", self.setup, pytest.fail)
-            recorded = self.journal.recorded(self.core.handle)
-            self.core.handle = recorded  # type: ignore[method-assign,assignment]
-        return super().handle(event)
+        self.journal.record(event)
+        before = len(self.said)
+        taken = super().handle(event)
+        self.journal.answered(self.said[before:])
+        return taken
 
 
 def replayed(path: Path, seed: int) -> Any:

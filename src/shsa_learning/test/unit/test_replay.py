@@ -1,6 +1,5 @@
 """`shsa replay`: what it prints and returns."""
 import json
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Tuple
 
@@ -52,10 +51,11 @@ def journal(tmp_path: Path) -> Path:
 def record(path: Path, *events: toy.Event) -> None:
     setup: Dict[str, Any] = {"som": Som()}
     journal = writer.JournalWriter(str(path), "adder", setup, print)
-    handle = journal.recorded(toy.Adder(**setup).handle)
+    machine = toy.Adder(**setup)
     for event in events:
-        with suppress(ValueError):
-            handle(event)
+        journal.record(event)
+        if event != toy.Added(event.time, 13.0):
+            journal.answered(machine.handle(event))
     journal.close()
 
 

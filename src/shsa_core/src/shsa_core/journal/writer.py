@@ -64,20 +64,25 @@ class JournalWriter:
             self._thread.start()
 
     def recorded(self, handle: Handle) -> Handle:
-        """Return what handles an event, with the event and its answer recorded.
-
-        It raises only what `handle` does; the event is recorded before that.
-        """
+        """Return what handles an event, with the event and its answer recorded."""
 
         def recorded(event: Any) -> Sequence[Any]:
-            if self.recording:
-                self._waiting.append(event)
+            self.record(event)
             commands = handle(event)
-            if self.recording and commands:
-                self._waiting.append(list(commands))
+            self.answered(commands)
             return commands
 
         return recorded
+
+    def record(self, event: Any) -> None:
+        """Record an event; to be called before the machine handles it. Raises nothing."""
+        if self.recording:
+            self._waiting.append(event)
+
+    def answered(self, commands: Sequence[Any]) -> None:
+        """Record the commands that answer the last event. Raises nothing."""
+        if self.recording and commands:
+            self._waiting.append(list(commands))
 
     def close(self) -> None:
         """Write what is left, and that the recording was ended in order."""
