@@ -20,7 +20,6 @@ from shsa_core.ros.processes.kernel import waited_in_all
 
 RATES = (4.0, 5.0, 10.0, 20.0, 25.0, 30.0, 50.0, 50.0, 100.0)  # Hz
 STANDBYS = ("warm", "warm", "hot")
-BUSY = "while True: pass"
 IMAGE_B, IMAGE_PERIOD_S = 1_000_000, 0.05
 PRESSURE = "/proc/pressure/cpu"
 
@@ -71,8 +70,7 @@ def measure(busy: int, seconds: float) -> Row:
         large = str(IMAGE_B), str(IMAGE_PERIOD_S)
         graph.python(BENCH / "large_source.py", "/camera", *large, "__name:=camera")
         graph.start("rostopic", "bw", "/camera")
-        for _ in range(busy):
-            graph.start(sys.executable, "-c", BUSY)
+        graph.start_busy(busy)
         return _watched(graph, busy, seconds)
 
 

@@ -106,6 +106,10 @@ class Graph:
                 universal_newlines=True,
             )
 
+    def start_busy(self, count: int) -> "List[subprocess.Popen[str]]":
+        """Start processes that compute all the time."""
+        return [self.start(sys.executable, "-c", "while True: pass") for _ in range(count)]
+
     def last_words(self, count: int = 15) -> str:
         """Return the last lines of what the processes said."""
         return "".join(self._output.read_text(errors="replace").splitlines(True)[-count:])

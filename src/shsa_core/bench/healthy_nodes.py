@@ -36,7 +36,6 @@ from shsa_testing.healthy_robots import LIVES, ROBOTS
 from shsa_testing.waiting import wait_until
 
 FILES = Path(__file__).resolve().parent.parent / "test" / "data"
-BUSY = "while True: pass"
 MOST_BUSY, BUSY_S = 4, 4.0
 HELD_S = (0.02, 0.18)
 APART_S = (3.0, 15.0)
@@ -238,7 +237,7 @@ class Life:
 
     def _busy(self) -> None:
         count = self.random.randint(1, MOST_BUSY)
-        busy = [self.graph.start(sys.executable, "-c", BUSY) for _ in range(count)]
+        busy = self.graph.start_busy(count)
         self.wait(BUSY_S)
         for process in busy:
             process.kill()

@@ -41,7 +41,6 @@ NOTED_PERIODS = 1.5
 SLICES = 20
 """Of the first half: how much counts differ from one to the next says how sure a prediction is."""
 SIGMAS = 3.0
-BUSY = "while True: pass"
 FIXED, LEARNED = "fixed", "learned"
 FIXED_S = 0.25
 
@@ -178,7 +177,7 @@ def measure(options: argparse.Namespace) -> Tuple[List[Row], Bridges, List[str]]
         consumer = Consumer(graph, topics, NOTED_PERIODS * PERIOD_S)
         watch(learning + 3.0, "idle, learning")
         idle = sorted(deadlines.learned.values())
-        busy = [graph.start(sys.executable, "-c", BUSY) for _ in range(options.busy)]
+        busy = graph.start_busy(options.busy)
         begin = time.monotonic()
         seconds = watch(options.hours * 3600.0 / options.topics, "busy")
         end = begin + seconds

@@ -35,7 +35,6 @@ from shsa_testing.waiting import wait_until
 from takeover import NEVER, watched
 
 PERIOD_S = 0.02
-BUSY = "while True: pass"
 IMAGE = ("/image", "1000000", "0.05")
 LOADS = {"quiet": 0, "4 busy": 4, "8 busy": 8, "20 MB/s": 0}
 AROUND_S = 1.0
@@ -230,7 +229,7 @@ def robots(graph: Graph, short: bool) -> Iterator[Callable[[], Robot]]:
 
 def beside(graph: Graph, load: str) -> List["subprocess.Popen[str]"]:
     """Start what keeps the computer busy."""
-    busy = [graph.start(sys.executable, "-c", BUSY) for _ in range(LOADS[load])]
+    busy = graph.start_busy(LOADS[load])
     if load == "20 MB/s":
         busy.append(graph.python(BENCH / "large_source.py", *IMAGE))
         busy.append(graph.start("rostopic", "hz", IMAGE[0]))

@@ -22,15 +22,13 @@ LINES: Dict[int, Line] = {
     for part in (publishers, found, watched, healers, platform, claims, limits)
     for line in part.LINES
 }
-BUSY = "while True: pass"
 COLUMNS = ("#", "fault", "trials", "held", "fails at most", "median / p95 / max", "verdict")
 
 
 def work(number: int, seeds: Sequence[int], busy: int) -> None:
     """Make the trials of one line in this process; print a JSON line each."""
     with Graph() as graph:
-        for _ in range(busy):
-            graph.start(sys.executable, "-c", BUSY)
+        graph.start_busy(busy)
         for trial in LINES[number].trials(graph, seeds):
             print(json.dumps(asdict(trial)), flush=True)
 

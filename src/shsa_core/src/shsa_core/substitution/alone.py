@@ -59,8 +59,7 @@ class Alone:
         if event.time < takes:
             self.look = listens if event.time < listens else takes
             heed = self._gone if event.time >= listens else ()
-            rows = ((topic, ours[topic]) for topic in heed)
-            return [events.Overhear(t, row.outputs[0].type, row.provider) for t, row in rows]
+            return [events.Overhear(topic, ours[topic].outputs[0].type) for topic in heed]
         topic, first = self._gone.popitem()
         row = replace(ours[topic], node=idle.node, publishing=True, yields=True)
         self.idle, self._taken = idle, replace(row, last_message=first.last_message)
