@@ -11,6 +11,8 @@ from listings import ROOT, seen
 from shsa_core.healing.kill import Outcome
 
 CORE = ROOT / "src" / "shsa_core" / "src" / "shsa_core"
+STEERING = ROOT / "src" / "shsa_rover" / "src" / "shsa_rover" / "ros" / "velocity_commands.py"
+"""A rover that is not stopped is no matter of healing, but people look here."""
 PAGE = ROOT / "docs" / "howto" / "troubleshooting.md"
 LOGGED = re.compile(r"log(warn|err|fatal)(_|$)|^_?warn$")
 LEVELS = ("WARN", "WARNING", "ERROR")
@@ -72,7 +74,7 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
 
 
 KILLS = [f"...: ... {each}: ..." for each in (Outcome.UNREACHED, Outcome.UNSURE, Outcome.ANOTHER)]
-TEXTS = {text for path in CORE.rglob("*.py") for text in logged(path)}
+TEXTS = {text for path in (*CORE.rglob("*.py"), STEERING) for text in logged(path)}
 FOUND = sorted(text for text in (*TEXTS, *KILLS) if re.search("[a-z]{3}", text))
 
 

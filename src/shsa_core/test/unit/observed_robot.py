@@ -175,6 +175,9 @@ class ObservedRobot(RuleBasedStateMachine):
                 beside = healing.substitute.host == core.robot.host_of(service.node)
                 bridges = speaks and alone and beside and plan.computes
                 bridges = bridges and service.policy.substitutes
+                silent = healing.yields and not core.robot.maintained
+                awaited = silent and healing.incident.faulty_node == service.node
+                named = awaited or (own is not None and not own.has_failed)
                 rows[healing.node] = Substitution(
                     healing.node,
                     name,
@@ -188,7 +191,7 @@ class ObservedRobot(RuleBasedStateMachine):
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=healing.yields,
-                    provider="" if own is None or own.has_failed else service.node,
+                    provider=service.node if named else "",
                     bridge=(service.bridges or 0.0) * (service.period or 0.0) if bridges else 0.0,
                 )
         assert self.shown == rows

@@ -128,10 +128,10 @@ def test_whoever_comes_to_the_address_of_a_node_that_is_gone_is_asked_about(
     monitor: Monitor, node: Node
 ) -> None:
     monitor.connect(node)
-    assert monitor.connections._caller_ids.knows(node.name, node.uri)
+    assert monitor.connections._caller_ids._nodes[node.name] == node.uri
     node.die()
     monitor.until(lambda: "Disconnected" in monitor.kinds())
-    assert not monitor.connections._caller_ids.knows(node.name, node.uri)
+    assert node.name not in monitor.connections._caller_ids._nodes
 
 
 def test_a_connection_that_ends_before_the_master_has_answered_is_asked_for_again(

@@ -76,6 +76,23 @@ def test_a_row_bridges_while_its_node_may_speak() -> None:
     assert bridges(robot) == ((True, 0.0),)
 
 
+def test_where_another_node_carries_on_that_one_is_filled_in_for() -> None:
+    """The row names the node of the SOM as the provider only while that does well."""
+    robot = Robot(som())
+    robot.row("/a", "/spare", "healthy", 2.0)
+    robot.table(2.0)
+    assert [row.provider for row in robot.working()] == [A]
+    commands = robot.failure("/a", A, 10.0, "silent", "no message for 0.25 s", 9.75)
+    assert "/spare carries on" in str(commands)
+    robot.row("/a", A, "failed", 10.0)
+    robot.table(10.0)
+    assert bridges(robot) == ((False, 2.5 * PERIOD),)
+    assert [row.provider for row in robot.working()] == [""]
+    robot.row("/a", A, "healthy", 11.0)
+    robot.table(11.0)
+    assert [row.provider for row in robot.working()] == [A]
+
+
 def test_a_bridge_that_is_heard_before_the_node_is_known_to_be_gone_goes_on() -> None:
     """A substitute sees the end of a connection itself, and may be heard before we are told."""
     robot = Robot(som())

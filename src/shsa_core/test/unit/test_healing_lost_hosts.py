@@ -319,6 +319,7 @@ def test_on_one_computer_a_substitute_yields_to_a_spared_node_alone_on_its_topic
         assert [row.on_partition for row in robot.working()] == [OnPartition.WAIT]
         robot.failure("/a", A, 10.0, "silent", "no message", 9.7)
         assert [row.yields for row in robot.working()] == [yields]
+        assert [row.provider for row in robot.working()] == [A if yields else ""]
         robot.failure("/a", A, 11.0, "out_of_range", "a is 9", 9.7)
         assert [row.yields for row in robot.working()] in ([], [False])
 

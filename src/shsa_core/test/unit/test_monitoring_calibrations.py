@@ -346,6 +346,25 @@ def test_a_service_that_changes_begins_anew(ontology: Ontology) -> None:
     assert robot.rows == {}
 
 
+def test_a_service_that_leaves_the_som_as_it_is_refreshed_costs_the_others_nothing(
+    ontology: Ontology,
+) -> None:
+    other = service("position", True)
+    robot = Robot(ontology, LOAD, SPEED, POWER, other)
+    robot.run(60.0)
+    refreshed = robot.core._judgement._derivations._refreshed
+    end = robot.now + 2 * settings.REFRESH_S
+    while not any(each.plan.service == "load" for each in refreshed):
+        assert robot.now < end
+        robot.now += PERIOD
+        for each in robot.services:
+            robot.hear(Message(robot.now, each.topic, each.node, (robot.true()[each.name],)))
+        refreshed = robot.core._judgement._derivations._refreshed
+    robot.hear(SomChanged(robot.now, Som([SPEED, POWER, other])))
+    robot.hear(Tick(robot.now))
+    assert not any(name == "load" for name, _ in robot.rows)
+
+
 def test_a_source_that_comes_later_is_planned_with(ontology: Ontology) -> None:
     robot = Robot(ontology, LOAD, SPEED, POWER)
     robot.run(30.0, silent="speed")

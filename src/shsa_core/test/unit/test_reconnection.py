@@ -6,7 +6,7 @@ from typing import Any, Sized, Tuple
 
 import pytest
 import rospy
-from plain_sockets import HOST, Monitor, Node, framed
+from plain_sockets import HOST, LISTED, Monitor, Node, framed
 from plain_sockets import _master, _monitor, _node  # noqa: F401  fixtures
 
 from shsa_core.ros import settings
@@ -171,6 +171,25 @@ def test_who_dies_while_it_is_cut_off_is_gone_for_certain(
     node.die()
     monitor.until(lambda: len(monitor.seen) == 3)
     assert monitor.kinds()[2] == "Disconnected" and monitor.seen[2].certain
+
+
+def test_who_is_listed_no_more_while_it_is_cut_off_is_gone_for_certain(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """As one whose computer was switched off, which refuses nothing."""
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.1)
+    cut_off(monitor, node, monkeypatch)
+    doubts = monitor.connections._reconnection._doubts
+    master = os.environ["ROS_MASTER_URI"]
+    monkeypatch.setenv("ROS_MASTER_URI", f"http://{HOST}:1")
+    LISTED.clear()
+    asked = node.asked
+    monitor.until(lambda: node.asked >= asked + 2, 15.0)
+    assert doubts, "a master that does not answer says nothing"
+    monkeypatch.setenv("ROS_MASTER_URI", master)
+    monitor.until(lambda: len(monitor.seen) == 3)
+    assert monitor.kinds()[2] == "Disconnected" and monitor.seen[2].certain
+    assert not doubts
 
 
 def test_the_old_process_of_a_node_that_was_started_again_is_missed_by_nobody(

@@ -4,7 +4,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Dict, Iterator
+from typing import Any, Callable, Dict, Iterator
 
 import psutil
 import pytest
@@ -13,7 +13,7 @@ import rospy
 from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children
 from shsa_core.ros.processes.kernel import identity
-from shsa_core.ros.processes.restarting import Restarts, _Start
+from shsa_core.ros.processes.restarting import MARK, Restarts, _Start
 from shsa_testing.waiting import wait_until
 
 NODE = "/driver"
@@ -25,9 +25,9 @@ def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
 
 
-def restarts(host: str = "pi") -> Restarts:
+def restarts(host: str = "pi", came: Callable[..., None] = lambda *_: None) -> Restarts:
     children = Children(lambda node, status: None)
-    return Restarts(children, lambda node: None, lambda node, process: None, host)
+    return Restarts(children, lambda node: None, came, host)
 
 
 @pytest.fixture
@@ -107,3 +107,47 @@ def test_a_process_that_has_no_command_any_more_is_not_the_node(
     heir.take_up()  # the command of the node is not known yet
     monkeypatch.setattr(psutil.Process, "cmdline", lambda process: [])  # as of one that has ended
     assert heir._started_again(NODE) is None
+
+
+@pytest.mark.parametrize(
+    "mark",
+    [
+        '["/ pi", "/driver", Infinity, 0]',
+        f'["/ pi", "/driver", 1, {10 ** 400}]',
+        '["/ pi", ["/driver"], 1, 0]',
+        '["/ pi", 7, 1, 0]',
+        "[" * 100_000,
+    ],
+    ids=["infinite", "huge", "a list", "a number", "too deep"],
+)
+def test_a_mark_that_makes_no_sense_is_none(mark: str) -> None:
+    strange = {**os.environ, MARK: mark}
+    words = [sys.executable, "-c", "print(flush=True); input()"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "start_new_session": True}
+    with subprocess.Popen(words, env=strange, **pipes) as child:  # type: ignore
+        assert child.stdout is not None and child.stdout.readline()
+        heir = restarts()
+        taken = heir.take_up()
+        child.kill()
+    assert taken == [] and heir._children.running() == []
+
+
+def test_the_watch_goes_on_whatever_goes_wrong(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Healing would wait for nodes that were started again for good, and end none of its own."""
+    rospy.rostime.set_rostime_initialized(True)
+    tries, ours = [], psutil.Process()
+
+    def fail_once(node: str, process: Any) -> None:
+        tries.append(node)
+        if len(tries) == 1:
+            raise psutil.AccessDenied(process.pid)
+
+    agent = restarts(came=fail_once)
+    monkeypatch.setattr(agent, "_started_again", lambda node: ours if node == NODE else 1 / 0)
+    agent.watch(["/other", NODE])
+    wait_until(lambda: len(tries) == 2, 5.0, "it is told again")
+    assert "/other could not handle something: ZeroDivisionError" in caplog.text
+    assert f"{NODE} could not handle something: AccessDenied" in caplog.text
+    wait_until(lambda: agent._told == {NODE: ours}, 5.0, "it is told")

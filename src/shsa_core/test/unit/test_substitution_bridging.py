@@ -321,6 +321,18 @@ def test_another_provider_is_not_late_before_it_was_heard() -> None:
     assert robot.to(1.3).filled == []
 
 
+def test_a_spare_one_that_carries_on_is_filled_in_for_once_it_is_heard() -> None:
+    """It was a stranger until then: its pace is learned anew."""
+    robot = Robot(replace(bridges(), provider="/original")).stream(1.0)
+    robot.driver.change(bridges())
+    for turn in range(STEADY + 2):
+        robot.stranger_speaks(round(1.0 + turn * PERIOD, 9))
+    last = robot.driver.time
+    assert robot.filled == [] and robot.gone(last, "/original").filled == []
+    robot.to(last + 0.2)
+    assert robot.filled and robot.filled[0] <= last + BRIDGE + LOOK + 1e-4
+
+
 def test_it_starts_from_what_the_original_said_last() -> None:
     robot = Robot().stream(1.0)
     robot.source = ""

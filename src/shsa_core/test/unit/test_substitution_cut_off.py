@@ -9,6 +9,8 @@ from shsa_core.model.substitution import Substitution
 from shsa_core.substitution import events
 from shsa_core.watch import LONGEST_STEP_S
 
+ORIGINAL = "/original"
+
 
 def heals(publishing: bool = False, **of: Any) -> Substitution:
     return replace(row(publishing, **of), host="pi", on_partition=OnPartition.HEAL)
@@ -29,7 +31,7 @@ def side(driver: Driver, until: float, other: bool = False) -> List[Tuple[float,
     while driver.time < until - 1e-9:
         driver.arrive(1.0)
         if other:
-            driver.tell(events.OtherHeard, "/out")
+            driver.tell(events.OtherHeard, "/out", ORIGINAL)
         driver.pass_to(round(driver.time + PERIOD, 9))
     return driver.published(since + 1e-9)
 
@@ -162,10 +164,32 @@ def test_one_whose_original_was_only_silent_yields_to_it_and_goes_on_when_it_is_
 ) -> None:
     driver = hot(publishing=True)
     told = row(True) if here else heals(publishing=True)
-    driver.change(replace(told, yields=True))
+    driver.change(replace(told, yields=True, provider=ORIGINAL))
     assert side(driver, 1.0)
+    driver.tell(events.OtherHeard, "/out", "/stranger")
+    assert len(side(driver, 1.5)) >= 24
     assert side(driver, 2.0, other=True) == []
     assert side(driver, 3.0)[0][0] >= 2.0 + DEADLINE - 2 * PERIOD
     side(driver, 4.0, other=True)
     driver.change(told)  # the reconfigurator says that it is alone
     assert side(driver, 5.0)
+
+
+def test_a_stranger_does_not_keep_one_still_that_has_yielded() -> None:
+    driver = hot(publishing=True)
+    driver.change(replace(row(True), yields=True, provider=ORIGINAL))
+    side(driver, 1.0, other=True)
+    published = 0
+    while driver.time < 2.0:
+        driver.tell(events.OtherHeard, "/out", "/stranger")
+        published += len(side(driver, driver.time + PERIOD))
+    assert published >= 36
+
+
+def test_beyond_a_cut_it_yields_to_whoever_is_heard() -> None:
+    """It may be another substitute, on the other side."""
+    driver = hot(publishing=True)
+    driver.change(replace(heals(publishing=True), yields=True, provider=ORIGINAL))
+    cut(driver)
+    driver.tell(events.OtherHeard, "/out", "/substitute_2")
+    assert side(driver, DEADLINE - PERIOD) == []

@@ -113,6 +113,7 @@ class AnySubstitute(RuleBasedStateMachine):
         message=st.sampled_from((b"", b"one", b"two")),
         alone=st.sampled_from(OnPartition),
         yields=st.booleans(),
+        provider=st.sampled_from(NODES),
         bridge=st.sampled_from((0.0, 0.05)),
     )
     def program(
@@ -125,10 +126,13 @@ class AnySubstitute(RuleBasedStateMachine):
         message: bytes,
         alone: OnPartition,
         yields: bool,
+        provider: str,
         bridge: float,
     ) -> None:
         row = Substitution(NAME, "s", (source,), code, (output,), (), 1.0, publishing, original)
-        row = replace(row, last_message=message, on_partition=alone, yields=yields)
+        row = replace(
+            row, last_message=message, on_partition=alone, yields=yields, provider=provider
+        )
         self.change(replace(row, bridge=bridge))
 
     @rule(publishing=st.booleans())
@@ -212,7 +216,8 @@ class AnySubstitute(RuleBasedStateMachine):
     def speak(self, topic: str) -> None:
         """Somebody else publishes."""
         told = self.told
-        rival = told.yields or (self.cut and told.on_partition is OnPartition.HEAL)
+        yields = told.yields and told.provider in ("", "/node")
+        rival = yields or (self.cut and told.on_partition is OnPartition.HEAL)
         if rival and topic == self.core._others.topic and topic in told.topics:
             self.heard_at = self.now
         self.spoke, self.went, self.last = self.now, False, None

@@ -199,11 +199,9 @@ def host_lost(core: Core, event: HostLost) -> List[Command]:
 
 def rehost(core: Core) -> List[Command]:
     """Move what stands by to where it belongs: other computers count now."""
-    robot = core.robot
     _place_warm(core)
     commands = core.ask_all(core.processes.substituted, lambda each: each.rehost())
-    stuck = robot.indexes.stuck
-    return commands + core.ask_all(stuck, lambda each: each.replan())
+    return commands + core.ask_all(core.robot.indexes.stuck, lambda each: each.replan())
 
 
 def _place_warm(core: Core) -> None:

@@ -372,8 +372,7 @@ class ServiceMachine:
         if incident.faulty_node in self.robot.health.dying:
             return None
         failed_at = incident.detected if incident.killed is None else incident.killed
-        back = (each for each in self.originals if each.is_well)
-        return next((row for row in back if row.since > failed_at), None)
+        return next((row for row in self.originals if row.is_well and row.since > failed_at), None)
 
     # What is shown, and written down.
 
@@ -382,7 +381,8 @@ class ServiceMachine:
         substitute, plan, spec = self.substitute, self.substitute.plan, self.spec
         if plan is None or not substitute.node:
             return None
-        publishes = self.publishes
+        publishes, yields = self.publishes, self.yields
+        awaited = yields and not self.robot.maintained and self.incident.faulty_node == spec.node
         own = self.robot.health.rows[spec.topic].get(spec.node)
         return self.robot.planner.row(
             spec,
@@ -393,12 +393,12 @@ class ServiceMachine:
             last_message=self.last_message,
             host=substitute.host,
             on_partition=spec.on_partition if self.parted else OnPartition.WAIT,
-            yields=self.yields,
+            yields=yields,
             bridge=0.0 if publishes else self._bridge(),
             gated=spec.gated,
             shared=substitute.shared,
             template=self.robot.health.templates.get((spec.topic, spec.node), b""),
-            provider="" if own is None or own.has_failed else spec.node,
+            provider=spec.node if awaited or (own and not own.has_failed) else "",
         )
 
     def _bridge(self) -> float:

@@ -15,6 +15,7 @@ from shsa_core.errors import ModelError
 from shsa_core.journal.codec import Codec
 
 VERSION = 1
+"""Of these lines: a field that an older journal lacks has its default, and answers may differ."""
 HEADER, ANSWER, DIGEST, END = "journal", "answer", "sha1", "end"
 START = b'{"journal":'
 """The first bytes of every journal."""

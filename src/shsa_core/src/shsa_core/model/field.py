@@ -152,5 +152,4 @@ def to_path(field: str) -> str:
 
 def is_distance(message_type: str, field: str) -> bool:
     """Return true if a field is a distance, whose NaN and infinite values tell much (REP 117)."""
-    steps = parse_field(field).steps
-    return _DISTANCES.get(message_type) == steps[0].name
+    return _DISTANCES.get(message_type) == parse_field(field).steps[0].name

@@ -27,17 +27,17 @@ class Substitution:
     """One row of the table; see shsa_msgs/Substitution.
 
     `quality` is 0 for safe values, which promise nothing. `original`: the node that it stands in
-    for, once that is gone. `provider`: the node of the service in the SOM while it does well;
-    empty: whoever is heard counts as that. `others`: what it writes into the fields that it does
-    not compute; `last_message`: the last good message of the service, serialized; empty: not known.
-    An idle process has neither `service` nor `code`. `host`: the computer that it runs on, empty:
-    the reconfigurator's own. `on_partition`: what it does by itself while that cannot reach the
-    reconfigurator. `yields`: it is still once another one is heard, as the node that it stands in
-    for was only silent. `bridge`: the silence in s of others after which it fills in while it is
-    muted, 0: it does not; an idle process takes a topic over by itself after such a silence of the
-    reconfigurator. `gated`: it publishes always, a gate chooses. `shared`: other substitutes run in
-    the same node, and have rows of their own. `template`: a message of the original when it was
-    well, serialized; empty: not known.
+    for, once that is gone. `provider`: the node of the service in the SOM while it does well, or is
+    only silent; empty: whoever is heard counts as that. `others`: what it writes into the fields
+    that it does not compute; `last_message`: the last good message of the service, serialized;
+    empty: not known. An idle process has neither `service` nor `code`. `host`: the computer that it
+    runs on, empty: the reconfigurator's own. `on_partition`: what it does by itself while that
+    cannot reach the reconfigurator. `yields`: it is still once the provider is heard, as the node
+    that it stands in for was only silent. `bridge`: the silence in s of others after which it fills
+    in while it is muted, 0: it does not; an idle process takes a topic over by itself after such a
+    silence of the reconfigurator. `gated`: it publishes always, a gate chooses. `shared`: other
+    substitutes run in the same node, and have rows of their own. `template`: a message of the
+    original when it was well, serialized; empty: not known.
     """
 
     node: str

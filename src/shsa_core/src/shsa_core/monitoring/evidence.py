@@ -136,18 +136,18 @@ class _Rate:
         """Yield the mean rate, in doubt for the publisher: it came in the last `waited` s."""
         self.times.append((message.time - message.waited, message.time, message.apart or 0.0))
         if self.is_known:
-            yield replace(self.sample(self._period), fastest=self._fastest)
+            yield self.sample(self._period, self._fastest)
 
     def beyond_doubt(self, rate: RateSample) -> RateSample:
         """Return a rate in doubt against the publisher: what waited for us came at no rate."""
         apart = self.times[-1][2] - self.times[0][2]
         return replace(rate, longest=rate.shortest + apart, shortest=rate.longest - apart)
 
-    def sample(self, period: float) -> RateSample:
+    def sample(self, period: float, fastest: Optional[float] = None) -> RateSample:
         """Return the rate, to be judged by a period."""
         first, last = self.times[0], self.times[-1]
         longest = last[1] - first[0] + last[2] - first[2]
-        return RateSample(len(self.times) - 1, period, longest, last[0] - first[1])
+        return RateSample(len(self.times) - 1, period, longest, last[0] - first[1], fastest)
 
 
 class _FormulaRun:

@@ -107,8 +107,7 @@ class PlanTable:
 
     def to_avoid(self, name: str) -> FrozenSet[str]:
         """Return the nodes that are to publish a service, or did last."""
-        nodes = {self._needed[name].node, self._publishers.get(name, "")}
-        return frozenset(nodes - {""})
+        return frozenset({self._needed[name].node, self._publishers.get(name, "")} - {""})
 
     def _improved(self, come: Iterable[Service]) -> List[str]:
         """Return the services whose answer may be a better plan now."""

@@ -79,12 +79,15 @@ class OtherPublishers:
             self.heard = Heard.SILENCE
 
     def hear(self, event: OtherHeard) -> None:
-        """Somebody else has published; a stranger is nobody to fill in for."""
+        """Somebody else has published; a stranger is nobody to fill in for, or to yield to."""
         if not self.topic or event.topic != self.topic:
             return
-        rival = self._yields or self.heals and (self.cut or self.heard is Heard.RIVAL)
-        self.heard, self._anybody = Heard.RIVAL if rival else Heard.ANOTHER, self._watch.now
-        if not rival and self.provider not in ("", event.publisher):
+        known = self.provider in ("", event.publisher)
+        apart = self.heals and (self.cut or self.heard is Heard.RIVAL)
+        rival = apart or (self._yields and known)
+        if known or self.heals:  # a cut may have parted us from anybody
+            self.heard, self._anybody = Heard.RIVAL if rival else Heard.ANOTHER, self._watch.now
+        if not rival and not known:
             return
         self._note_pace(self._watch.passed(self._since))
         self.last, self._since, self._read = event, self._watch.now, self._sources()

@@ -27,7 +27,7 @@ class VelocityCommands:
                 self._publisher.publish(command)
 
     def _stop(self) -> None:
-        """Publish stops until each connection has written one.
+        """Publish stops until each connection has written one; warn of those that do not in time.
 
         rospy closes connections with what still waits in their queues. A command may be on its
         way already, so two messages have to be written.
@@ -44,5 +44,10 @@ class VelocityCommands:
                 for each, wanted in waiting.items()
                 if each.stat_num_msg < wanted and not each.done
             }
-            if not waiting or time.monotonic() > end:
+            if not waiting:
+                return
+            if time.monotonic() > end:
+                names = ", ".join(sorted(each.endpoint_id for each in waiting))
+                text = "A stop on %s was not sent to %s: it does not read what it is sent."
+                rospy.logwarn(text, self._publisher.resolved_name, names)
                 return

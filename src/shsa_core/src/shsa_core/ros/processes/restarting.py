@@ -6,7 +6,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Callable, Dict, List, Optional, Sequence, Set
+from typing import Callable, Dict, Iterator, List, Optional, Sequence, Set
 
 import psutil
 import rospy
@@ -16,17 +16,17 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
+from shsa_core.ros.workers import guarded
 
 TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
 
 
-def _children(pid: int) -> List[int]:
+def _children(pid: int) -> Iterator[int]:
     with suppress(OSError):
-        files = Path(f"/proc/{pid}/task").glob("*/children")
-        return [int(number) for file in files for number in file.read_text().split()]
-    return []
+        for file in Path(f"/proc/{pid}/task").glob("*/children"):
+            yield from map(int, file.read_text().split())
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ class Restarts:
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
         self._others: Dict[str, Set[int]] = {}  # by node: children of its starter that it is not
+        self._told: Dict[str, psutil.Process] = {}  # those that came
         threading.Thread(target=self._work, name="restarts", daemon=True).start()
 
     def watch(self, nodes: Sequence[str]) -> None:
@@ -109,10 +110,11 @@ class Restarts:
                 first = int(number), float(since)
                 # What the node itself has started has the mark as well.
                 is_node = owner == self._owner and os.getsid(process.pid) == process.pid
-            except (OSError, ValueError, TypeError):
+            except Exception:  # anybody may have written the mark, and whatever it is
                 continue
-            if is_node and not gone(process):
-                self._keep(node, process, _Start([], "", {}, first))
+            if is_node and isinstance(node, str) and not gone(process):
+                self._starts[node] = _Start([], "", {}, first)
+                self._children.keep(node, process)
                 taken.append(node)
         return taken
 
@@ -123,7 +125,7 @@ class Restarts:
             raise ShsaError("it was never seen healthy on this computer")
         mark = {MARK: json.dumps([self._owner, node, *start.starter])}
         process = Started(start.words, env={**start.environment, **mark}, cwd=start.folder or None)
-        self._keep(node, process, start)
+        self._children.keep(node, process)
         return process
 
     def abandoned(self, ending: bool = False) -> List[str]:
@@ -134,19 +136,17 @@ class Restarts:
         over = lambda first: ended(first) or first == ours
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
-    def _keep(self, node: str, process: psutil.Process, start: _Start) -> None:
-        self._starts[node] = start
-        self._children.keep(node, process)
-
     def _work(self) -> None:
-        told: Dict[str, psutil.Process] = {}
         while not rospy.is_shutdown():
             time.sleep(settings.TICK_S)
             for node in self._awaited:
-                process = self._started_again(node)
-                if process is not None and process != told.get(node):
-                    told[node] = process
-                    self._came(node, process)
+                guarded(f"The look for {node}", self._look, node)
             for node in self.abandoned():
                 self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
-                self._starter_ended(node)
+                guarded(f"The end of the starter of {node}", self._starter_ended, node)
+
+    def _look(self, node: str) -> None:
+        process = self._started_again(node)
+        if process is not None and process != self._told.get(node):
+            self._came(node, process)
+            self._told[node] = process

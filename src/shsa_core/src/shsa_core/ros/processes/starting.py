@@ -76,11 +76,9 @@ class Substitutes:
         self._slots: Dict[str, int] = {}  # numbers of journals: there are never many
         self.children = Children(self._over)
         packages = RosPack()
-        found: Dict[str, List[str]] = {}
-        for name in ("substitute", "standby"):
-            found[name] = find_node(PACKAGE, name, packages)
-            if not found[name]:
-                raise ShsaError(f"{PACKAGE} has no executable {name}; is the workspace built?")
+        found = {name: find_node(PACKAGE, name, packages) for name in ("substitute", "standby")}
+        if not all(found.values()):
+            raise ShsaError(f"{PACKAGE} lacks {' or '.join(found)}; is the workspace built?")
         self._files = {os.path.realpath(path) for paths in found.values() for path in paths}
         self._paths = {name: each[0] for name, each in found.items()}
         folder, limits = packages.get_path(PACKAGE), wrapper(setup.sandbox)

@@ -51,12 +51,8 @@ class CallerIds:
 
     def forget(self, node: str, uri: str) -> None:
         """Have whoever comes to the address of a node that has gone asked about."""
-        if self.knows(node, uri):
+        if self._nodes.get(node) == uri:
             self._nodes.pop(node, None)
-
-    def knows(self, node: str, uri: str) -> bool:
-        """Return whether the master said last that a node is at this address."""
-        return self._nodes.get(node) == uri
 
     def answered(self, connection: Connection, node: Optional[str], at: str) -> bool:
         """Take the answer that a connection is to `node`, at `at`; return whether it is known now.
@@ -110,7 +106,7 @@ class CallerIds:
         return next((node for node in listed if self._is_at(node, uri)), "")
 
     def _is_at(self, node: str, uri: str) -> bool:
-        return self.knows(node, uri) or (is_name(node) and uri_of(node) == uri)
+        return self._nodes.get(node) == uri or (is_name(node) and uri_of(node) == uri)
 
 
 def _is_sender(connected: socket.socket, at: str) -> bool:

@@ -3,9 +3,10 @@
 A lost connection alone is no evidence: a rospy subscriber that is told of a publisher twice makes
 two connections, and each end may drop another one; a publisher may drop a slow subscriber. What a
 node that has gone cannot do is listen at its own address, or offer the topic. Who does not answer
-may be cut off, or wait for a processor: it is asked again, ever more seldom.
+may be cut off, or wait for a processor: it is asked again, ever more seldom, while it is listed.
 """
 import socket
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from time import monotonic as _now
@@ -16,6 +17,7 @@ from rospy.impl.tcpros import get_tcpros_handler
 from shsa_core.agenda import doubled
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
+from shsa_core.ros.master.node_api import master_api, uri_of
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
@@ -153,6 +155,10 @@ class Reconnection:
         willing: Optional[bool] = False
         try:
             willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
+            if willing is None and doubt.pauses:  # who is listed no more would count for nobody
+                with suppress(*FAILURES):
+                    listed = dict(master_api().getSystemState()[0]).get(doubt.topic, ())
+                    willing = None if doubt.uri in map(uri_of, listed) else False
         finally:  # whatever a strange node answers, it is not willing
             self._tell(doubt.topic, lambda: self._answered(doubt, willing))
 
