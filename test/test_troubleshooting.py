@@ -10,7 +10,7 @@ from listings import ROOT, seen
 
 from shsa_core.healing.kill import Outcome
 
-CORE = ROOT / "src" / "shsa_core" / "src" / "shsa_core"
+HEALING = [ROOT / "src" / name / "src" / name for name in ("shsa_core", "shsa_gate")]
 PAGE = ROOT / "docs" / "howto" / "troubleshooting.md"
 LOGGED = re.compile(r"log(warn|err|fatal)(_|$)|^_?warn$")
 LEVELS = ("WARN", "WARNING", "ERROR")
@@ -72,7 +72,7 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
 
 
 KILLS = [f"...: ... {each}: ..." for each in (Outcome.UNREACHED, Outcome.UNSURE, Outcome.ANOTHER)]
-TEXTS = {text for path in CORE.rglob("*.py") for text in logged(path)}
+TEXTS = {text for each in HEALING for path in each.rglob("*.py") for text in logged(path)}
 FOUND = sorted(text for text in (*TEXTS, *KILLS) if re.search("[a-z]{3}", text))
 
 

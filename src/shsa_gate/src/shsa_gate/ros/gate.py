@@ -11,8 +11,6 @@ from shsa_msgs import msg
 from shsa_core import dispatch
 from shsa_core.errors import ModelError
 from shsa_core.files.som_file import read_som
-from shsa_core.gating import events
-from shsa_core.gating.machine import Gate
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
@@ -27,6 +25,8 @@ from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, run
 from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.workers import guarded
+from shsa_gate import events
+from shsa_gate.machine import Gate
 
 
 class GateNode:
