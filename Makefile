@@ -52,7 +52,7 @@ fuzz: build
 	@tools/fuzz $(MINUTES)
 
 coverage: build
-	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit src/shsa_learning/test/unit --cov --cov-report=term
+	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -q src/shsa_core/test/unit src/shsa_gate/test/unit src/shsa_learning/test/unit --cov --cov-report=term
 
 mutation: build
 	@$(ENV) && SHSA_LONG=1 tools/mutation

@@ -18,7 +18,7 @@ sys.path.insert(0, str(ROOT / "src" / "shsa_core" / "test" / "unit"))
 import audit  # noqa: E402
 
 from shsa_core import message_types  # noqa: E402
-from shsa_core.analysis.check import check_functions  # noqa: E402
+from shsa_core.analysis.check import function_errors  # noqa: E402
 from shsa_learning.check import check_laws  # noqa: E402
 from shsa_learning.incident_log import read_log  # noqa: E402
 from shsa_core.codegen.checked_code import check_code  # noqa: E402
@@ -104,7 +104,7 @@ def ontology(data: bytes) -> None:
         assert function.output in model.properties
         assert function.law is None or parse_law(function.law.text) == function.law
     list(check_units(model))
-    list(check_functions(model))
+    list(function_errors(model))
     list(check_laws(model))
 
 

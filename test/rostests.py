@@ -46,7 +46,10 @@ def check(path: Path) -> None:
     mark = uuid.uuid4().hex
     environment = {**os.environ, MARK: mark, "PYTHONFAULTHANDLER": "1"}
     environment["PATH"] = f"{ROOT / 'test' / 'programs'}:{os.environ['PATH']}"
-    if package == "shsa_core":  # without roscpp, which listens at 127.0.0.1 alone of those
+    if package in (
+        "shsa_core",
+        "shsa_gate",
+    ):  # without roscpp, which listens at 127.0.0.1 alone of those
         environment.pop("ROS_HOSTNAME", None)
         environment["ROS_IP"] = own_address()
     # A file, not a pipe: that is at its end only when the last one who writes to it has ended.

@@ -9,6 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "CONTRIBUTING.md"
 PLACES = (
     "src/shsa_core/src/**/*.py",
+    "src/shsa_gate/src/**/*.py",
     "src/shsa_learning/src/**/*.py",
     "src/shsa_msgs/*/*.msg",
     "docs/reference/*.md",

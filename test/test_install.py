@@ -99,7 +99,7 @@ def ask(environment: Dict[str, str], wanted: str, *command: str) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        *("shsa_core", "shsa_learning", "shsa_injection", "shsa_view", "shsa_rqt"),
+        *("shsa_core", "shsa_gate", "shsa_learning", "shsa_injection", "shsa_view", "shsa_rqt"),
         "diff_drive_example",
     ],
 )

@@ -7,7 +7,8 @@ import pytest
 
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
-LINES = {"": 28947, "healing": 4403, "monitoring": 2422, "ros": 8490}
+GATE = SOURCE / "shsa_gate" / "src" / "shsa_gate"
+LINES = {"": 28419, "healing": 4403, "monitoring": 2422, "ros": 8351}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
@@ -42,7 +43,8 @@ def test_the_tests_are_not_much_longer_than_what_they_test() -> None:
 
 
 def test_constants_of_time_are_few() -> None:
-    found = [name for path in modules(CORE) for name in CONSTANT.findall(path.read_text("utf-8"))]
+    files = [*modules(CORE), *modules(GATE)]
+    found = [name for path in files for name in CONSTANT.findall(path.read_text("utf-8"))]
     assert len(found) <= CONSTANTS
 
 

@@ -10,7 +10,7 @@ from listings import ROOT, seen
 
 from shsa_core.healing.kill import Outcome
 
-CORE = ROOT / "src" / "shsa_core" / "src" / "shsa_core"
+HEALING = [ROOT / "src" / name / "src" / name for name in ("shsa_core", "shsa_gate")]
 STEERING = ROOT / "src" / "shsa_rover" / "src" / "shsa_rover" / "ros" / "velocity_commands.py"
 """A rover that is not stopped is no matter of healing, but people look here."""
 PAGE = ROOT / "docs" / "howto" / "troubleshooting.md"
@@ -74,7 +74,8 @@ def texts(node: ast.expr, named: Dict[str, List[ast.expr]]) -> Iterator[str]:
 
 
 KILLS = [f"...: ... {each}: ..." for each in (Outcome.UNREACHED, Outcome.UNSURE, Outcome.ANOTHER)]
-TEXTS = {text for path in (*CORE.rglob("*.py"), STEERING) for text in logged(path)}
+SAYING = [STEERING, *(path for each in HEALING for path in each.rglob("*.py"))]
+TEXTS = {text for path in SAYING for text in logged(path)}
 FOUND = sorted(text for text in (*TEXTS, *KILLS) if re.search("[a-z]{3}", text))
 
 

@@ -32,6 +32,7 @@ PACKAGE = Path(__file__).resolve().parent.parent
 BENCH = PACKAGE / "bench"
 FAULTY_PUBLISHER = PACKAGE.parent / "shsa_testing" / "nodes" / "faulty_publisher"
 MONITOR = PACKAGE / "nodes" / "monitor"
+GATE_PROGRAM = PACKAGE.parent / "shsa_gate" / "nodes" / "gate"
 MARK = "SHSA_BENCH"
 PATIENCE_S = 30.0  # with hundreds of nodes up, everything takes longer
 

@@ -13,7 +13,7 @@ from shsa_msgs.msg import Substitution
 from graph import (
     BENCH,
     FAULTY_PUBLISHER,
-    MONITOR,
+    GATE_PROGRAM,
     PATIENCE_S,
     Graph,
     ask_to_leave,
@@ -184,7 +184,7 @@ class HealthyRobot:
         )
         words = (TOPIC[1:], "--som", str(paths[1]), f"__name:={GATE[1:]}")
         gated = self.topic != TOPIC
-        self._gates = [graph.python(MONITOR.with_name("gate"), *words)] if gated else []
+        self._gates = [graph.python(GATE_PROGRAM, *words)] if gated else []
 
     def await_well(self) -> None:
         """Wait until no incident is open, the original is heard, and what stands by is ready."""

@@ -139,7 +139,7 @@ class Robot:
             *("roslaunch", "shsa_core", "shsa.launch", *models, "hold_off:=0.5", "switches:=0"),
         )
         self.records = {f"/{each}": TopicRecord(f"/{each}", Float64Stamped) for each in NODES}
-        gate = "rosrun", "shsa_core", "gate", "gated", "--som", models[1][len("som:=") :]
+        gate = "rosrun", "shsa_gate", "gate", "gated", "--som", models[1][len("som:=") :]
         self._ours(*gate, f"__name:={GATE[1:]}")
         self.passed: List[Tuple[float, float]] = []
         rospy.Subscriber("/gated", Float64Stamped, self._passed, tcp_nodelay=True)

@@ -365,6 +365,16 @@ def test_neither_ourselves_nor_who_started_us_is_ever_ended(master: object, pid:
     assert kernel.never_to_end(psutil.Process(pid))
 
 
+@pytest.mark.parametrize("name", ["shsa_core/monitor", "shsa_gate/gate", "shsa_view/view"])
+def test_a_node_of_healing_is_not_ended(master: object, tmp_path: pathlib.Path, name: str) -> None:
+    program = tmp_path / name
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\nread line\n")
+    program.chmod(0o755)
+    with subprocess.Popen([str(program)], stdin=subprocess.PIPE) as process:
+        assert "belongs to healing" in kernel.never_to_end(psutil.Process(process.pid))
+
+
 def test_who_registers_nonsense_is_nobody(nodes: Nodes) -> None:
     for uri in ("http://", "nonsense", "http://host:99999/"):
         try:

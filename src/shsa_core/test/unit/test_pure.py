@@ -22,7 +22,6 @@ ORDER = [
     ("journal",),
     ("derivations", "trust"),
     ("monitoring", "substitution"),
-    ("gating",),
     ("planning",),
     ("healing",),
     ("hosts",),
@@ -40,7 +39,7 @@ ORDER = [
 ROOT = "the package itself"
 LEVEL = {part: level for level, row in enumerate([(ROOT,), *ORDER]) for part in row}
 # The running nodes' cores read no file.
-CORES = ("monitoring", "substitution", "gating", "healing", "hosts")
+CORES = ("monitoring", "substitution", "healing", "hosts")
 """Connections and messages are the same whoever reads them."""
 NO_FILES = ("search", "codegen", "derivations", "planning", "trust", *CORES)
 
@@ -132,7 +131,7 @@ ROS = (
 LIBRARIES = "matplotlib,pint,numpy"
 NOT_NEEDED = (
     "sklearn,scipy,matplotlib,tqdm,rosbag,ruamel,jinja2,tabulate,"
-    "shsa_learning,shsa_testing,shsa_view"
+    "shsa_gate,shsa_learning,shsa_testing,shsa_view"
 )
 
 
@@ -159,8 +158,8 @@ def test_the_package_needs_none_of_the_others_and_no_library_for_learning() -> N
 @pytest.mark.parametrize("part", NO_FILES)
 def test_what_runs_on_the_robot_loads_no_library_for_drawing_or_analysing(part: str) -> None:
     names = [name for name in MODULES if name.startswith(f"shsa_core.{part}")]
-    # Substitutes and gates have no ontology, and start at once: they do without the graph as well.
-    forbidden = LIBRARIES + ",networkx" if part in ("substitution", "gating") else LIBRARIES
+    # Substitutes have no ontology, and start at once: they do without the graph as well.
+    forbidden = LIBRARIES + ",networkx" if part == "substitution" else LIBRARIES
     assert run(forbidden, names) == (0, "")
 
 

@@ -4,7 +4,7 @@ from typing import Any, Callable, List, Tuple
 
 import pytest
 
-from shsa_core.analysis.check import check_names
+from shsa_core.analysis.check import name_errors
 from shsa_core.cli.main import main
 from shsa_core.codegen.plans import plan_service
 from shsa_core.codegen.program import compile_program
@@ -241,5 +241,5 @@ def test_what_is_wrong_with_fields_is_told(tmp_path: pathlib.Path, field: str, w
 
 
 def test_a_slice_that_is_too_long_for_the_vector_is_found(tmp_path: pathlib.Path) -> None:
-    (error,) = check_names(*models(tmp_path, ONTOLOGY, SOM.replace("0:2", "0:3")))
+    (error,) = name_errors(*models(tmp_path, ONTOLOGY, SOM.replace("0:2", "0:3")))
     assert error.what == "drive provides 'wheels_2', which is not in the ontology"

@@ -4,7 +4,7 @@ from typing import List, Tuple
 
 import pytest
 
-from shsa_core.analysis.check import check_functions
+from shsa_core.analysis.check import function_errors
 from shsa_core.codegen.plans import plan_service
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ExpressionError, ModelError
@@ -159,7 +159,7 @@ def test_how_much_there_may_be_is_limited() -> None:
 def test_a_constant_that_makes_a_function_impossible_is_an_error(tmp_path: pathlib.Path) -> None:
     for text in ("delay(v, k)", "table(v, 0, 1, k, 2)", "delay(v, u)", "table(v, u, 1, 2, 3)"):
         ontology = read(tmp_path, FILE.replace("tanh(-0.7*u + 0.2*v)", text + " + u"))
-        found = [each for each in check_functions(ontology) if each.level == "error"]
+        found = function_errors(ontology)
         assert any("no code for the relations net" in each.what for each in found), text
 
 

@@ -131,11 +131,9 @@ def test_a_failure_says_when_it_was_told(monkeypatch: pytest.MonkeyPatch) -> Non
     assert (message.told - message.header.stamp).to_sec() == pytest.approx(100.0, abs=1.0)
 
 
-def test_a_gate_hears_by_how_much_a_substitute_may_err_and_the_monitor_need_not() -> None:
+def test_the_monitor_need_not_hear_by_how_much_a_substitute_may_err() -> None:
     signal = Signal("/a", "data", "std_msgs/Float64", "/a_node", 0.02, 0.25, error=Error(0.5))
     row = Substitution("/substitute_a_1", "a", (), "y=0.0", (signal,), publishing=True)
     table = Substitutions(substitutions=[substitution_message(row)], whole=True)
-    (heard,) = wire.substitutions_changed(table, whole_rows=True).rows
-    assert heard == row
     (seen,) = wire.substitutions_changed(table).rows
     assert seen.outputs[0].error is None and seen.publishing

@@ -2,8 +2,8 @@
 import re
 from typing import Any, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
-from shsa_core.analysis.budget import check_budgets
-from shsa_core.analysis.check import Finding, check_functions, check_names
+from shsa_core.analysis import budget
+from shsa_core.analysis.check import function_errors, name_errors
 from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
@@ -18,6 +18,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import SourceTable
+from shsa_learning.finding import Finding
 from shsa_learning.ranges.analysis import find_troubles, narrowed
 from shsa_learning.ranges.interval import Interval
 from shsa_learning.schedulability import check_placements, takeovers
@@ -63,16 +64,16 @@ def check_files(
 
 def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     """Return everything found in an ontology, and in a SOM if there is one."""
-    findings = [*check_units(ontology), *check_functions(ontology), *check_laws(ontology)]
+    findings = [*check_units(ontology), *_check_functions(ontology), *check_laws(ontology)]
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
-        findings += check_names(ontology, som)
+        findings += _check_names(ontology, som)
         findings += _check_wishes(ontology, som)
         findings += _check_reach(ontology, known)
         findings += _check_needed(ontology, som)
         findings += check_healable(som)
         findings += _check_gates(som)
-        findings += check_budgets(som)
+        findings += _check_budgets(som)
         findings += check_placements(ontology, som)
         findings += _check_loops(som)
         findings += _check_values(ontology, som)
@@ -87,13 +88,27 @@ def _check_who_writes(som: Som, path: str) -> Iterator[Finding]:
         yield Finding("warning", path, error.what, todo)
 
 
-def _from_error(error: ModelError) -> Finding:
-    return Finding("error", error.where, error.what)
+def _from_error(error: ModelError, todo: str = "") -> Finding:
+    return Finding("error", error.where, error.what, todo)
 
 
 def _place(where: str) -> Tuple[str, int]:
     match = re.match(r"(.*):(\d+)\Z", where)
     return (match.group(1), int(match.group(2))) if match else (where, 0)
+
+
+def _check_functions(ontology: Ontology) -> Iterator[Finding]:
+    todo = "Correct the function or a constant"
+    return (_from_error(error, todo) for error in function_errors(ontology))
+
+
+def _check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    todo = "Correct the name, or add it to 'properties'"
+    return (_from_error(error, todo) for error in name_errors(ontology, som))
+
+
+def _check_budgets(som: Som) -> Iterator[Finding]:
+    return (Finding("warning", *late, budget.TODO) for late in budget.check_budgets(som))
 
 
 def check_laws(ontology: Ontology) -> Iterator[Finding]:

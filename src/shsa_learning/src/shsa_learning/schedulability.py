@@ -5,7 +5,6 @@ have nothing else to do.
 """
 from typing import Callable, Collection, Dict, Iterator, List, Sequence
 
-from shsa_core.analysis.check import Finding
 from shsa_core.codegen.plans import Plan, plan_service
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import GenerationError, NoSubstitute
@@ -17,6 +16,7 @@ from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.planning.placement import OWN, Computers, Placement
 from shsa_core.search.derivation import SourceTable
+from shsa_learning.finding import Finding
 
 
 def takeovers(ontology: Ontology, sources: Collection[Source]) -> Callable[[Service], Plan]:

@@ -3,13 +3,13 @@ import importlib
 from typing import Any, Iterator, List
 
 from shsa_core import message_types
-from shsa_core.analysis.check import Finding
 from shsa_core.errors import ShsaError
 from shsa_core.model.field import reduces
 from shsa_core.model.field_type import WHOLE, field_type
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.text import nearest
+from shsa_learning.finding import Finding
 
 _PICTURES = "images, point clouds and maps are not computed from numbers"
 _FRAMES = "a tf frame has one parent: a second publisher would contradict the first"

@@ -6,7 +6,6 @@ from unittest.mock import Mock
 
 import pytest
 
-from shsa_core.analysis.check import Finding
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.ontology import Ontology
@@ -14,6 +13,7 @@ from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 from shsa_learning.check import check_model
 from shsa_learning.doctor import Seen, fates, findings
+from shsa_learning.finding import Finding
 
 VALUES = (Provision("speed", "data", (0.0, 1.0)),)
 ODOMETRY = Service("odometry", "/odom", "std_msgs/Float64", "/base", 0.1, VALUES, needed=True)

@@ -5,9 +5,8 @@ percentile of those measured (docs/explanation/experiments.md).
 """
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Iterator, List
+from typing import Iterator, List, NamedTuple
 
-from shsa_core.analysis.check import Finding
 from shsa_core.healing.settings import EXIT_TIMEOUT_S, Settings
 from shsa_core.model.checks import RateHigh, RateLow, Stuck
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
@@ -18,6 +17,7 @@ from shsa_core.monitoring.settings import RATE_MESSAGES, RATE_SECONDS
 
 TAKEOVERS = {Standby.COLD: 0.83, Standby.WARM: 0.03, Standby.HOT: 0.03}
 """The time in s that a takeover lasts: the 95th percentile of 50 by roscpp."""
+TODO = "Give it a shorter deadline, a warm or hot standby, or checks with fewer messages"
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,15 @@ class Budget:
         return f"{self.kind}: {parts} healed = {self.total:.2f} s"
 
 
-def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding]:
-    """Report the needed services that are healed later than they may be, with the sums."""
+class Late(NamedTuple):
+    """A needed service that is healed later than it may be: where it stands, and the sums."""
+
+    where: str
+    what: str
+
+
+def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Late]:
+    """Report the needed services that are healed later than they may be."""
     for service in som.may_be_needed():
         tolerated = service.fault_tolerant_time
         if tolerated is None or service.policy is Policy.ADVISE:
@@ -53,9 +60,7 @@ def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Finding
         if not late:
             continue
         sums = "; ".join(map(str, sorted(late, key=lambda each: -each.total)))
-        what = f"{service.name} tolerates {tolerated:g} s, but: {sums}"
-        todo = "Give it a shorter deadline, a warm or hot standby, or checks with fewer messages"
-        yield Finding("warning", service.where, what, todo)
+        yield Late(service.where, f"{service.name} tolerates {tolerated:g} s, but: {sums}")
 
 
 def budgets(service: Service, settings: Settings) -> List[Budget]:

@@ -1,5 +1,5 @@
 """Finds what makes a model invalid, or cannot be read or written on this computer."""
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Iterator, List, NamedTuple, Tuple
 
 from shsa_core import message_types
@@ -12,49 +12,30 @@ from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that a check found: where (file and line), what, and what to do.
-
-    `level` is error or warning.
-    """
-
-    level: str
-    where: str
-    what: str
-    todo: str = ""
-
-    def __str__(self) -> str:
-        text = f"{self.where}: {self.level}: {self.what}"
-        return f"{text}. {self.todo}." if self.todo else text
-
-
 def refuse_invalid(ontology: Ontology, som: Som) -> None:
     """Raise ModelErrors, with file and line, if a model that can be read is not valid."""
-    found = (*check_functions(ontology), *check_names(ontology, som))
-    errors = [ModelError(each.where, each.what) for each in found if each.level == "error"]
+    errors = [*function_errors(ontology), *name_errors(ontology, som)]
     if errors:
         raise ModelErrors(errors)
 
 
-def check_functions(ontology: Ontology) -> Iterator[Finding]:
-    """Report the functions of an ontology of which no code can be generated."""
+def function_errors(ontology: Ontology) -> Iterator[ModelError]:
+    """Yield an error for each function of an ontology of which no code can be generated."""
     for function in ontology.functions:
         try:
             if function.law is not None:
                 generate_function(function, ontology.constants)
         except GenerationError as error:
-            yield Finding("error", function.where, str(error), "Correct the function or a constant")
+            yield ModelError(function.where, str(error))
 
 
-def check_names(ontology: Ontology, som: Som) -> Iterator[Finding]:
-    """Report the values of a SOM that are no properties of the ontology."""
+def name_errors(ontology: Ontology, som: Som) -> Iterator[ModelError]:
+    """Yield an error for each value of a SOM that is no property of the ontology."""
     for source in som.sources:
         if source.property not in ontology.properties:
             kind = "is a constant" if source.property in ontology.constants else "is not"
             what = f"{source.service.name} provides '{source.property}', which {kind} in the"
-            todo = "Correct the name, or add it to 'properties'"
-            yield Finding("error", source.provision.where, f"{what} ontology", todo)
+            yield ModelError(source.provision.where, f"{what} ontology")
 
 
 class Problem(NamedTuple):

@@ -83,8 +83,8 @@ class ReconfiguratorNode:
             for service in (each for each in som if each.policy.restarts):
                 text = "%s is not started again: that would be as root (restart_as_root:=true)."
                 rospy.logerr(text, service.node)
-        for finding in budget.check_budgets(som, parameters):
-            rospy.logwarn("%s", finding)
+        for late in budget.check_budgets(som, parameters):
+            rospy.logwarn("%s: %s. %s.", *late, budget.TODO)
         self._core = Reconfigurator(**setup)
         journal = arguments.journal and file_name(arguments.journal, rospy.get_namespace())
         self._answer, self._close = recorded(journal, "healing", setup, self._core.handle)

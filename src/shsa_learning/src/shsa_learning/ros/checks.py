@@ -1,7 +1,6 @@
 """Finds more for `shsa check` beside a robot that runs: who is kept, and who reads whom."""
 from typing import Iterator
 
-from shsa_core.analysis.check import Finding
 from shsa_core.errors import listed
 from shsa_core.analysis.duties import Pairs, duties_of, is_command, read_by
 from shsa_core.model.names import Names
@@ -9,6 +8,7 @@ from shsa_core.model.som import Som
 from shsa_core.ros.master.node_api import FAILURES, master_api
 from shsa_core.analysis.registrations import read_pairs
 from shsa_learning.doctor import fate_of
+from shsa_learning.finding import Finding
 
 
 def check_running(som: Som, namespace: str) -> Iterator[Finding]:

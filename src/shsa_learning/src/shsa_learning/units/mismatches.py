@@ -3,11 +3,11 @@ import ast
 from fractions import Fraction
 from typing import Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
-from shsa_core.analysis.check import Finding
 from shsa_core.language.expression import Expression, Law
 from shsa_core.language.functions import CONSTANTS, ELAPSED
 from shsa_core.language.trees import is_condition, literal, row
 from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_learning.finding import Finding
 from shsa_learning.units.unit import (
     NO_UNIT,
     SECOND,

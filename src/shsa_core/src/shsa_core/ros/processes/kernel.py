@@ -16,6 +16,7 @@ from shsa_core.ros.trust.places import master_place
 OF_ROS = {"roslaunch", "rosmaster", "roscore", "rosout"}
 NAME = "__name:="
 OF_HEALING = {"agent", "gate", "monitor", "reconfigurator", "standby", "substitute", "view"}
+THEIR_PACKAGES = {"shsa_core", "shsa_gate", "shsa_view"}
 
 Identity = Tuple[int, float]
 """A process by its number and its start, in clock ticks since the computer's."""
@@ -98,7 +99,7 @@ def never_to_end(process: psutil.Process) -> str:
     for *folders, name in programs(process):
         if name in OF_ROS:
             return "it belongs to ROS"
-        if name in OF_HEALING and not {"shsa_core", "shsa_view"}.isdisjoint(folders):
+        if name in OF_HEALING and not THEIR_PACKAGES.isdisjoint(folders):
             return "it belongs to healing"
     return ""
 

@@ -21,7 +21,7 @@ from shsa_core.monitoring.events import FormerlyHealthy, SubstitutionsChanged
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
 from shsa_core.ros import clock
 from shsa_core.ros.wire import names
-from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, substitution_row, word_of
+from shsa_core.ros.wire.rows import filled, p95_of, read, rms_of, word_of
 from shsa_core.text import shown
 
 _KEY, _ROW = Codec(Tuple[str, Program]), Codec(CalibrationRow)
@@ -168,15 +168,9 @@ def calibration_key(service: str, program: Program) -> str:
     return _KEY.to_text((service, program))
 
 
-def substitutions_changed(
-    table: msg.Substitutions, whole_rows: bool = False
-) -> SubstitutionsChanged:
-    """Return the event of a message on shsa/substitutions; rows as far as the monitor heeds them.
-
-    Raises ShsaError if one of `whole_rows` is none.
-    """
-    read_row = substitution_row if whole_rows else _seen_by_monitor
-    rows = tuple(map(read_row, table.substitutions))
+def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
+    """Return the event of a message on shsa/substitutions, with what the monitor heeds of rows."""
+    rows = tuple(map(_seen_by_monitor, table.substitutions))
     return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
 

@@ -11,12 +11,10 @@ from shsa_msgs import msg
 from shsa_core import dispatch
 from shsa_core.errors import ModelError
 from shsa_core.files.som_file import read_som
-from shsa_core.gating import events
-from shsa_core.gating.machine import Gate
 from shsa_core.message_types import message_class
 from shsa_core.model.names import full_name
 from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Disconnected, Tick
+from shsa_core.monitoring.events import Disconnected, SubstitutionsChanged, Tick
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.rospy_patches.publishing import as_written
@@ -25,8 +23,11 @@ from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
 from shsa_core.ros.messages.tables import TableSubscriber
 from shsa_core.ros.node import LOG, run
-from shsa_core.ros.wire import healing as wire, names
+from shsa_core.ros.wire import names
+from shsa_core.ros.wire.rows import substitution_row
 from shsa_core.ros.workers import guarded
+from shsa_gate import events
+from shsa_gate.machine import Gate
 
 
 class GateNode:
@@ -72,7 +73,7 @@ class GateNode:
         now = clock.now()
         self._inbox.wait(min(self._core.next_deadline, now + settings.TURN_S) - now)
         for item in self._inbox.take():
-            self._feed(wire.substitutions_changed(item, whole_rows=True))  # with their errors
+            self._feed(substitutions_changed(item))
         happenings = self._subscriptions.read(self._fed)
         newest = {each.connection: each.data for each in happenings if isinstance(each, Arrived)}
         for happening in happenings:
@@ -105,6 +106,15 @@ class GateNode:
             struct.pack_into("<II", written, 4, *divmod(command.stamp, 10**9))
             data = bytes(written)
         self._publisher.publish(self._written(data))
+
+
+def substitutions_changed(table: msg.Substitutions) -> SubstitutionsChanged:
+    """Return the event of a message on shsa/substitutions; rows are whole, with their errors.
+
+    Raises ShsaError if a row is none.
+    """
+    rows = tuple(map(substitution_row, table.substitutions))
+    return SubstitutionsChanged(clock.now(), rows, tuple(table.removed), table.whole)
 
 
 def _service(arguments: argparse.Namespace) -> Service:

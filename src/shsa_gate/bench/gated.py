@@ -18,7 +18,7 @@ import psutil
 from shsa_msgs import msg
 
 from gate_source import JUMPED, OLD
-from graph import BENCH, FAULTY_PUBLISHER, PACKAGE, PATIENCE_S, Graph
+from graph import FAULTY_PUBLISHER, GATE_PROGRAM, PATIENCE_S, Graph
 from report import Goals, in_words, print_table, summary, write_table
 from robot import Consumer, Consumers
 from shsa_core.ros.trust.signing import Signing
@@ -27,6 +27,7 @@ from shsa_core.ros.wire import names
 from shsa_testing.waiting import wait_until
 
 RAW, HEARD, PERIOD_S = "/gated/raw", "/gated", 0.02
+SOURCE = Path(__file__).with_name("gate_source.py")
 LOW, HIGH, STANDS_IN = 0.0, 160000.0, 150000.0
 SOM = f"""\
 act: true
@@ -98,16 +99,13 @@ def main() -> int:
         som, secret = graph.folder / "som.yaml", str(graph.folder / "secret")
         som.write_text(SOM)
         substitutions = table(secret)
-        gate = PACKAGE / "nodes" / "gate"
-        process = graph.python(gate, "gated", "--som", str(som), "--secret", secret)
+        process = graph.python(GATE_PROGRAM, "gated", "--som", str(som), "--secret", secret)
         stand_in = ("__name:=stand_in", f"_topic:={RAW}", f"_value:={STANDS_IN}")
         graph.python(FAULTY_PUBLISHER, *stand_in, f"_period:={PERIOD_S}")
         consumers = Consumers(graph, HEARD, RAW)
         hears = lambda topic: all(any(m.topic == topic for m in c.messages) for c in consumers)
         wait_until(lambda: hears(RAW) and hears(HEARD), PATIENCE_S, "the substitute")
-        source = graph.python(
-            BENCH / "gate_source.py", str(count), str(options.seed), str(PERIOD_S)
-        )
+        source = graph.python(SOURCE, str(count), str(options.seed), str(PERIOD_S))
         believed = lambda c: any(
             m.topic == HEARD and m.node and 50 < m.value < 1e5 for m in c.messages
         )

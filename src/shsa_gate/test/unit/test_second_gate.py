@@ -2,11 +2,10 @@
 from dataclasses import replace
 
 import pytest
-from monitor_bench import PERIOD
-from test_gate import FIRST, GATED, HEARD, NS, SUBSTITUTE, Stand, overheard
+from gate_stand import FIRST, GATED, HEARD, NS, PERIOD, SUBSTITUTE, Stand, overheard
 
-from shsa_core.gating.events import Tick
 from shsa_core.monitoring.events import Disconnected
+from shsa_gate.events import Tick
 
 
 @pytest.fixture

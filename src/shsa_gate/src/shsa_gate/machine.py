@@ -4,9 +4,6 @@ from dataclasses import replace
 from typing import Dict, List, Optional, Set
 
 from shsa_core.dispatch import Table, table
-from shsa_core.gating import events, settings
-from shsa_core.gating.doubt import Doubt
-from shsa_core.gating.events import Arrived, Command, Event, Log, Pass
 from shsa_core.model.checks import Finding, NotANumber, OutOfRange, RateHigh
 from shsa_core.model.log import Level
 from shsa_core.model.samples import RateSample
@@ -15,6 +12,9 @@ from shsa_core.model.substitution import CHANGEOVER_S, Substitution, row_key
 from shsa_core.monitoring.events import Message, SubstitutionsChanged
 from shsa_core.monitoring.evidence import Evidence
 from shsa_core.watch import Watch
+from shsa_gate import events, settings
+from shsa_gate.doubt import Doubt
+from shsa_gate.events import Arrived, Command, Event, Log, Pass
 
 
 class _Original:

@@ -8,11 +8,11 @@ from math import inf
 from typing import Dict, Iterable, Optional, Tuple
 
 from shsa_core.derivations.settings import SAMPLE_S
-from shsa_core.gating import settings
 from shsa_core.model.checks import LEARNED, Witness
 from shsa_core.model.error import spread
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import Substitution
+from shsa_gate import settings
 
 Values = Dict[str, Optional[float]]
 Rows = Iterable[Substitution]

@@ -2,99 +2,37 @@
 import io
 import math
 from dataclasses import replace
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional
 
 import pytest
 import rospy
 from hypothesis import given, strategies as st
-from monitor_bench import NODE, PERIOD, provision, row, service, with_value_checks
+from gate_stand import (
+    FIRST,
+    GATED,
+    HIGH,
+    LOW,
+    NODE,
+    NS,
+    PERIOD,
+    RAW,
+    SUBSTITUTE,
+    Stand,
+    overheard,
+    provision,
+    row,
+    with_value_checks,
+)
 from rospy.msg import serialize_message
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
 
-from shsa_core.gating.events import Arrived, Log, Pass, Tick
-from shsa_core.gating.machine import Gate
 from shsa_core.model.checks import LEARNED, Jump, Stuck, Witness
 from shsa_core.model.error import Error
-from shsa_core.model.service import Service
-from shsa_core.monitoring.events import Disconnected, Message, SubstitutionsChanged
+from shsa_core.monitoring.events import Disconnected, SubstitutionsChanged
 from shsa_core.ros.messages.fields import stamp as stamp_of
 from shsa_core.ros.rospy_patches.publishing import as_written
-
-RAW, HEARD = "/battery_current/raw", "/battery_current"
-SUBSTITUTE, FIRST = "/substitute_battery_current_1", "/gate"
-LOW, HIGH = -5.0, 60.0
-GATED = service(topic=RAW, beyond_gate=HEARD)
-NS = 10**9
-
-
-def overheard(time: float, publisher: str, stamp: int = 0) -> Arrived:
-    """Somebody publishes on the topic that consumers hear."""
-    return Arrived(Message(time, HEARD, publisher, stamp=stamp), b"")
-
-
-class Stand:
-    """A gate whose time is moved by hand; collects what consumers hear, and when."""
-
-    def __init__(self, gated: Service = GATED, standby_for: str = "") -> None:
-        self.core = Gate(gated, standby_for)
-        self.time = 0.0
-        self.heard: List[Tuple[float, Pass]] = []
-        self.said: List[str] = []
-
-    def feed(self, event: Any) -> List[Pass]:
-        passed = []
-        for command in self.core.handle(event):
-            if isinstance(command, Log):
-                self.said.append(command.text)
-            else:
-                passed.append(command)
-        assert not (self.core._muted and passed), "a muted gate lets nothing pass"
-        assert {each.publisher for each in passed} <= {GATED.node, *self.core._substitutes}
-        self.heard += [(event.time, each) for each in passed]
-        return passed
-
-    def until(self, time: float) -> None:
-        """Let time pass: the core is woken when it wants to be."""
-        for _ in range(100):
-            due = self.core.next_deadline
-            if due > time:
-                break
-            self.time = max(self.time, due)
-            self.feed(Tick(self.time))
-        self.time = time
-
-    def message(
-        self, value: float, node: str = NODE, stamp: int = 0, waited: float = 0.0, **more: Any
-    ) -> List[Pass]:
-        message = Message(self.time, RAW, node, (value,), waited=waited, stamp=stamp)
-        return self.feed(Arrived(message, f"{value} {node}".encode(), **more))
-
-    def substitute(self, publishing: bool = False, gone: bool = False) -> None:
-        """The table says what the substitute does."""
-        rows = () if gone else (replace(row(SUBSTITUTE, publishing, RAW), gated=True),)
-        removed = (SUBSTITUTE,) if gone else ()
-        self.feed(SubstitutionsChanged(self.time, rows, removed))
-
-    def values(self) -> List[float]:
-        return [float(each.data.split()[0]) for _, each in self.heard]
-
-    def gap(self, since: float = 0.0) -> float:
-        times = [at for at, _ in self.heard if at >= since]
-        return max(later - at for at, later in zip(times, times[1:]))
-
-    def run(
-        self, count: int, original: Any = 1.0, substitute: Any = 2.0, phase: float = 0.4
-    ) -> None:
-        """Some periods; None: says nothing. A list: one value a period."""
-        for i in range(count):
-            begin = self.time
-            for at, node, values in ((0.0, NODE, original), (phase, SUBSTITUTE, substitute)):
-                value = values[i] if isinstance(values, list) else values
-                self.until(begin + at * PERIOD)
-                if value is not None:
-                    self.message(value, node)
-            self.until(begin + PERIOD)
+from shsa_gate.events import Pass
 
 
 @pytest.fixture
@@ -208,7 +146,7 @@ def test_jumps_are_held_back() -> None:
 
 
 def test_a_stuck_value_is_held_back_once_that_is_known() -> None:
-    stand = Stand(replace(GATED, provides=(provision(checks=(Stuck(0.2),)),)))
+    stand = Stand(replace(GATED, provides=(provision(Stuck(0.2)),)))
     stand.substitute()
     stand.run(40, [float(i % 7) for i in range(10)] + [5.0] * 30)
     assert stand.values()[-10:] == [2.0] * 10  # which never changes: only the node must
@@ -372,8 +310,8 @@ def witnessed(limit: float = 4.0, **changes: Any) -> Stand:
     """A gate whose value has a witness, and whose node and substitute agree so far."""
     gated = replace(GATED, provides=(with_value_checks(Witness(limit)),))
     stand = Stand(gated)
-    outputs = tuple(replace(each, **changes) for each in row(SUBSTITUTE, False, RAW).outputs)
-    rows = (replace(row(SUBSTITUTE, False, RAW), gated=True, outputs=outputs),)
+    outputs = tuple(replace(each, **changes) for each in row(False).outputs)
+    rows = (replace(row(False), outputs=outputs),)
     stand.feed(SubstitutionsChanged(0.0, rows))
     stand.run(10)
     return stand

@@ -1,0 +1,1 @@
+"""The gate's shell: the node `gate`."""

@@ -1,0 +1,19 @@
+"""Findings: what the checks of a model report."""
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that a check found: where (file and line), what, and what to do.
+
+    `level` is error or warning.
+    """
+
+    level: str
+    where: str
+    what: str
+    todo: str = ""
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.level}: {self.what}"
+        return f"{text}. {self.todo}." if self.todo else text
