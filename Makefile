@@ -10,7 +10,7 @@ SECONDS := 60
 # Nodes start a thousand times in a test run: what Python has compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs deb bench clean
+.PHONY: help setup build sshd compiled prepared test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs deb bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
@@ -32,20 +32,29 @@ setup:
 
 build: setup
 	@echo "[build] building the workspace"
-	@$(ENV) && catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
+	@$(ENV) && MAKEFLAGS= catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
 
 # Where none can be fetched, what needs it says so.
 sshd: setup
 	@tools/fetch_sshd || true
 
+# CMake leaves a processor idle, and each worker of pytest would compile for itself.
+prepared:
+	@$(MAKE) --no-print-directory -j 3 build sshd compiled
+
+# Imports fail before the build: each file of tests is compiled by then, with what its asserts say.
+compiled: setup
+	@$(PYTHON) -m compileall -q src/*/src
+	@$(PYTHON) -m pytest -q --collect-only --tb=no -p no:cacheprovider > /dev/null 2>&1 || true
+
 # See conftest.py for their order, what stays together, and what the last worker runs.
 WORKERS = $(shell expr $(JOBS) + 1)
 
-test: build sshd
+test: prepared
 	@$(ENV) && $(PYTHON) -m pytest -n $(WORKERS)
 
 # With every random case; see shsa_testing/thorough.py.
-test-long: build sshd
+test-long: prepared
 	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(WORKERS)
 
 fuzz: build
