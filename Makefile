@@ -31,9 +31,10 @@ help:
 setup:
 	@tools/setup
 
+# Told nothing, catkin_make has make run one job at a time for as long as the load was high before.
 build: setup
 	@echo "[build] building the workspace"
-	@$(ENV) && MAKEFLAGS= catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
+	@$(ENV) && MAKEFLAGS=-j$(shell nproc) catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
 
 # Where none can be fetched, what needs it says so.
 sshd: setup
