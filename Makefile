@@ -4,18 +4,19 @@ PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
-JOBS := 2
+# Three on two processors: each robot waits for most of its time.
+JOBS := 3
 SECONDS := 60
 
 # Nodes start a thousand times in a test run: what Python has compiled is kept.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: help setup build sshd test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs deb bench clean
+.PHONY: help setup build sshd compiled prepared test test-long fuzz coverage mutation reliability redteam demo hosts-demo docs deb bench clean
 
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    JOBS=2: run every test, so many robots at once"
+	@echo "make test    JOBS=3: run every test, so many robots at once"
 	@echo "make test-long   the same with five times as many random cases, and more trials on robots"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make deb     Debian packages for the ROS of this system; see build/deb/"
@@ -30,22 +31,32 @@ help:
 setup:
 	@tools/setup
 
+# Told nothing, catkin_make has make run one job at a time for as long as the load was high before.
 build: setup
 	@echo "[build] building the workspace"
-	@$(ENV) && catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
+	@$(ENV) && MAKEFLAGS=-j$(shell nproc) catkin_make --source . -DPYTHON_EXECUTABLE=$(PYTHON) -DCMAKE_BUILD_TYPE=Release
 
 # Where none can be fetched, what needs it says so.
 sshd: setup
 	@tools/fetch_sshd || true
 
+# CMake leaves a processor idle, and each worker of pytest would compile for itself.
+prepared:
+	@$(MAKE) --no-print-directory -j 3 build sshd compiled
+
+# Imports fail before the build: each file of tests is compiled by then, with what its asserts say.
+compiled: setup
+	@$(PYTHON) -m compileall -q src/*/src
+	@$(PYTHON) -m pytest -q --collect-only --tb=no -p no:cacheprovider > /dev/null 2>&1 || true
+
 # See conftest.py for their order, what stays together, and what the last worker runs.
 WORKERS = $(shell expr $(JOBS) + 1)
 
-test: build sshd
+test: prepared
 	@$(ENV) && $(PYTHON) -m pytest -n $(WORKERS)
 
 # With every random case; see shsa_testing/thorough.py.
-test-long: build sshd
+test-long: prepared
 	@$(ENV) && SHSA_LONG=1 $(PYTHON) -m pytest -n $(WORKERS)
 
 fuzz: build

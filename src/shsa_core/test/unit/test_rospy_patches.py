@@ -12,7 +12,7 @@ import pytest
 import rospy
 from rosgraph.network import read_ros_handshake_header
 from rosgraph.xmlrpc import ThreadingXMLRPCServer
-from rospy.impl import rosout, simtime
+from rospy.impl import registration, rosout, simtime
 from rospy.impl.registration import RegManager
 from rospy.impl.tcpros_base import TCPROSServer, TCPServer
 from rospy.impl.tcpros_pubsub import TCPROSSub
@@ -21,6 +21,7 @@ from std_msgs.msg import Header, String
 from shsa_core.ros import settings
 from shsa_core.ros.rospy_patches import log_queue
 from shsa_core.ros.rospy_patches.publishing import as_written
+from shsa_core.ros.rospy_patches.standing import keep_rospys_threads
 from shsa_testing.waiting import wait_until
 
 HUGE = struct.pack("<I", 0xFFFFFFFF)
@@ -112,6 +113,31 @@ def test_standing_whoever_hears_of_publishers_ends_at_the_first_lack_of_a_thread
     monkeypatch.setattr(threading.Thread, "start", start)
     with pytest.raises(RuntimeError):
         manager.run()
+
+
+def test_standing_who_hears_of_publishers_is_woken_before_it_can_see_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def waits() -> List[float]:
+        waited: List[float] = []
+        monkeypatch.setattr(rospy.core, "_in_shutdown", False)
+        monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
+
+        def wait(seconds: float) -> None:
+            waited.append(seconds)
+            seen = "_shutdown_flag" if rospy.core.is_shutdown_requested() else "_in_shutdown"
+            monkeypatch.setattr(rospy.core, seen, True)
+
+        manager = RegManager(SimpleNamespace(done=False))
+        monkeypatch.setattr(manager.cond, "wait", wait)
+        manager.run()
+        return waited
+
+    assert waits() == [0.5, 0.5]
+    for where, name in ((TCPServer, "run"), (RegManager, "run"), (registration, "is_shutdown")):
+        monkeypatch.setattr(where, name, getattr(where, name))  # to be undone
+    keep_rospys_threads()
+    assert waits() == [0.5]
 
 
 def test_log_queue_the_master_is_asked_at_each_line(monkeypatch: pytest.MonkeyPatch) -> None:

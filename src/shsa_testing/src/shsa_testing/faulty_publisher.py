@@ -13,6 +13,7 @@ from urllib.parse import urlparse
 
 import rosgraph
 import rospy
+from rospy.impl import registration
 from rospy.impl.masterslave import ROSHandler
 from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Header
@@ -67,6 +68,7 @@ class FaultyPublisher:
     def __init__(self) -> None:
         # By masters of robots beside.
         ROSHandler.shutdown = partialmethod(only_if_meant, ROSHandler.shutdown)
+        registration.is_shutdown = rospy.core.is_shutdown_requested  # see `standing.py`
         self.topic = rospy.get_param("~topic", "/watched")
         self.period = rospy.get_param("~period", 0.02)
         self.value = rospy.get_param("~value", 1.0)

@@ -1,9 +1,9 @@
-"""Keeps rospy's own threads alive, and its time real where the launch says so.
+"""Keeps rospy's own threads until the end, and its time real where the launch says so.
 
 Faults of rospy 1.15 to 1.17: it accepts connections in one thread (`TCPServer.run`), and hears of
 publishers in another (`RegManager.run`), each of which ends for good at the first error of the
-operating system, as without a free descriptor; /use_sim_time counts for all nodes of a master, so
-that whoever sets it can stop the time of healing.
+operating system, as without a free descriptor; it wakes the latter at the end before it says that
+this is the end, and waits for it for 0.5 s. Whoever sets /use_sim_time stops the time of healing.
 """
 import os
 import time
@@ -11,8 +11,7 @@ from functools import partialmethod
 from typing import Any, Callable
 
 import rospy
-import rospy.impl.simtime
-from rospy.impl.registration import RegManager
+from rospy.impl import registration, simtime
 from rospy.impl.tcpros_base import TCPServer
 
 from shsa_core.ros import settings
@@ -26,22 +25,23 @@ WALL_TIME = "SHSA_WALL_TIME"
 def heed_launch() -> None:
     """Have /use_sim_time not count if the launch says so; to be called before `init_node`."""
     if os.environ.get(WALL_TIME) == "true":
-        rospy.impl.simtime._is_use_simtime = lambda: False
+        simtime._is_use_simtime = lambda: False
 
 
 def keep_rospys_threads() -> None:
     """To be called before the node is initialised."""
-    TCPServer.run = partialmethod(_kept, TCPServer.run, lambda server: server.is_shutdown)
-    RegManager.run = partialmethod(_kept, RegManager.run, lambda _: rospy.is_shutdown())
+    TCPServer.run = partialmethod(_kept, TCPServer.run)
+    registration.RegManager.run = partialmethod(_kept, registration.RegManager.run)
+    registration.is_shutdown = rospy.core.is_shutdown_requested
 
 
-def _kept(thread: Any, run: Callable[[Any], None], over: Callable[[Any], bool]) -> None:
+def _kept(thread: Any, run: Callable[[Any], None]) -> None:
     while True:
         try:
             run(thread)
             return
         except EXHAUSTED as error:
-            if over(thread):
+            if rospy.is_shutdown():
                 return
             rospy.logerr_throttle(10.0, f"Connections wait, and are tried again: {error}")
             time.sleep(settings.TURN_S)
