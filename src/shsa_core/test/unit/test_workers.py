@@ -14,7 +14,7 @@ import psutil
 import pytest
 import rospy
 
-from shsa_core.ros.processes.children import Children, Started
+from shsa_core.ros.processes.children import Children, Started, ending
 from shsa_core.ros.rospy_patches import log_queue
 from shsa_core.ros.rospy_patches.log_queue import say_failures_once
 from shsa_core.ros.settings import LOG_LINES
@@ -132,6 +132,24 @@ def test_the_end_of_each_process_is_told_by_one_thread() -> None:
     wait_until(lambda: len(ended) == 5, 20.0, "all have ended")
     assert ended == {f"/{status}": f"exit status {status}" for status in range(5)}
     assert threading.active_count() == before
+
+
+def test_the_end_of_a_process_is_told_though_a_look_has_failed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    failures = [RuntimeError("no memory")]
+
+    def look(process: psutil.Process) -> str:
+        if failures:
+            raise failures.pop()
+        return ending(process)
+
+    monkeypatch.setattr("shsa_core.ros.processes.children.ending", look)
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    ended: List[str] = []
+    kept = Children(lambda node, how: ended.append(node))
+    kept.keep("/short", Started(["true"]))
+    wait_until(lambda: ended == ["/short"], 10.0, "its end was told")
 
 
 def test_a_process_that_nobody_can_look_after_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,20 @@ def guarded(who: str, handle: Callable[..., object], *what: Any) -> None:
             rospy.logerr_throttle_identical(10.0, text)
 
 
+def repeating(name: str, pause: float, call: Call) -> threading.Thread:
+    """Return a thread that makes a call for good, with a pause in s after each; not started yet.
+
+    It goes on whatever goes wrong: what it watches would go unnoticed.
+    """
+
+    def repeat() -> None:
+        while True:
+            guarded(f"The thread {name}", call)
+            time.sleep(pause)
+
+    return threading.Thread(target=repeat, name=name, daemon=True)
+
+
 class Workers:
     """Makes the calls that are put, up to `most` at a time; one alone makes them in order.
 

@@ -16,7 +16,7 @@ from shsa_core.ros.node import publish
 from shsa_core.ros.processes import kernel
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.workers import guarded
+from shsa_core.ros.workers import repeating
 
 LOCAL = ""
 """The name of the computer that we run on."""
@@ -44,7 +44,7 @@ class AllHosts:
         self._remote: Dict[str, RemoteHost] = {}
         self._homes: Dict[str, str] = {}
         self._lock = threading.RLock()
-        self._thread = threading.Thread(target=self._work, name="agents", daemon=True)
+        self._thread = repeating("agents", settings.TURN_S, self._turn)
 
     @property
     def remote(self) -> List[RemoteHost]:
@@ -122,11 +122,6 @@ class AllHosts:
         checked = self._signing.checked(topic, msg.HostEvent)
         subscriber = self._signing.subscribe(topic, checked, heard)
         host.ended = lambda: subscriber.get_num_connections() == 0
-
-    def _work(self) -> None:
-        while not rospy.core.is_shutdown():
-            guarded("The conversation with agents", self._turn)
-            rospy.rostime.wallsleep(settings.TURN_S)
 
     def _turn(self) -> None:
         now = clock.now()

@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import threading
-import time
 from contextlib import suppress
 from typing import Any, Callable, Dict, List, Optional, Sequence, Set
 
@@ -11,7 +10,7 @@ import psutil
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes import kernel
-from shsa_core.ros.workers import guarded
+from shsa_core.ros.workers import guarded, repeating
 
 
 class Started(psutil.Process):  # type: ignore[misc]
@@ -47,7 +46,7 @@ class Children:
         self._running: Dict[str, psutil.Process] = {}
         self._stopped: Set[str] = set()
         self._changed = threading.Condition()
-        threading.Thread(target=self._watch, name="children", daemon=True).start()
+        repeating("children", settings.TICK_S, self._watch).start()
 
     def keep(self, node: str, process: psutil.Process) -> None:
         """Take a process for that of a node, and wait for its end."""
@@ -74,18 +73,16 @@ class Children:
             end(process)
 
     def _watch(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._running)
-                polled = {node: ending(process) for node, process in self._running.items()}
-                over = {node: how for node, how in polled.items() if how}
-                for node in over:
-                    del self._running[node]
-                stopped = self._stopped & over.keys()
-                self._stopped -= stopped
-            for node, how in over.items():
-                guarded(f"The end of {node}", self._ended, node, "" if node in stopped else how)
-            time.sleep(settings.TICK_S)
+        with self._changed:
+            self._changed.wait_for(lambda: self._running)
+            polled = {node: ending(process) for node, process in self._running.items()}
+            over = {node: how for node, how in polled.items() if how}
+            for node in over:
+                del self._running[node]
+            stopped = self._stopped & over.keys()
+            self._stopped -= stopped
+        for node, how in over.items():
+            guarded(f"The end of {node}", self._ended, node, "" if node in stopped else how)
 
 
 def end(process: psutil.Process) -> None:

@@ -1,7 +1,6 @@
 """Starts a failed node again with the command that it was started with, and sees it come up."""
 import json
 import os
-import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
 from shsa_core.ros.processes.kernel import is_ours, robot_processes
-from shsa_core.ros.workers import guarded
+from shsa_core.ros.workers import guarded, repeating
 
 TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
 MARK = "SHSA_RESTARTED"
@@ -59,7 +58,7 @@ class Restarts:
         self._starts: Dict[str, _Start] = {}
         self._others: Dict[str, Set[int]] = {}  # by node: children of its starter that it is not
         self._told: Dict[str, psutil.Process] = {}  # those that came
-        threading.Thread(target=self._work, name="restarts", daemon=True).start()
+        repeating("restarts", settings.TICK_S, self._work).start()
 
     def watch(self, nodes: Sequence[str]) -> None:
         """Await these nodes from now on, and no others."""
@@ -137,13 +136,11 @@ class Restarts:
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
 
     def _work(self) -> None:
-        while not rospy.is_shutdown():
-            time.sleep(settings.TICK_S)
-            for node in self._awaited:
-                guarded(f"The look for {node}", self._look, node)
-            for node in self.abandoned():
-                self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
-                guarded(f"The end of the starter of {node}", self._starter_ended, node)
+        for node in self._awaited:
+            guarded(f"The look for {node}", self._look, node)
+        for node in self.abandoned():
+            self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
+            guarded(f"The end of the starter of {node}", self._starter_ended, node)
 
     def _look(self, node: str) -> None:
         process = self._started_again(node)

@@ -208,7 +208,7 @@ class Forking:
             began, why = time.monotonic(), "it has ended"
             try:
                 self._serve()
-            except (OSError, ValueError) as error:
+            except Exception as error:  # whatever it is, the next one may do
                 why = str(error)
             if time.monotonic() > began + settings.LONGEST_PAUSE_S:
                 pause = settings.FIRST_PAUSE_S

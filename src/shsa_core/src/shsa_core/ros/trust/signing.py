@@ -19,6 +19,7 @@ from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, 
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust import secret as secret_file
 from shsa_core.ros.trust.places import master_seen, origin
+from shsa_core.ros.workers import repeating
 from shsa_core.text import shown
 from shsa_core.trust import proof
 from shsa_core.trust.boots import Boots, Met, NoAnswer
@@ -46,7 +47,7 @@ class Signing:
         self._challenger = Challenger(self._secret)
         self.boots = Boots(self._boot, self._challenger.ask, time.monotonic_ns)
         self._lock = threading.Lock()
-        self._measuring = threading.Thread(target=self._measure, name="clocks", daemon=True)
+        self._measuring = repeating("clocks", settings.LOOK_S, self.boots.renew)
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
@@ -142,11 +143,6 @@ class Signing:
         again = type(message)()
         again._connection_header = message._connection_header
         return again.deserialize(message.data)
-
-    def _measure(self) -> None:
-        while not rospy.is_shutdown():
-            self.boots.renew()
-            rospy.rostime.wallsleep(settings.LOOK_S)
 
     def _suspect(self, sender: str) -> None:
         """Say so if a sender has another secret: a person can mend that."""
