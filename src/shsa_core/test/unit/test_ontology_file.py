@@ -79,7 +79,8 @@ def test_a_good_file(tmp_path: pathlib.Path) -> None:
     assert laser.inputs == ("battery_power",) and laser.quality == 0.5
     assert fixed.inputs == () and fixed.law.text == "12"
     assert ontology.properties["v"].where.endswith("o.yaml:6")
-    assert [f.relation for f in ontology.functions if f.output == "battery_current"] == ["f1", "power"]
+    found = [f.relation for f in ontology.functions if f.output == "battery_current"]
+    assert found == ["f1", "power"]
 
 
 def test_the_ontologies_that_come_with_it() -> None:

@@ -68,13 +68,13 @@ def check_known(name: str, kind: str, known: Iterable[str]) -> None:
 
 
 def without(args: argparse.Namespace, som: Som) -> List[str]:
-    """Return what --without names, as the SOM names it; warn of what is not in the SOM."""
-    known = {name for source in som.sources for name in source.names}
+    """Return what --without names, as the SOM names it. Raises ModelError if it has no such."""
+    known = {name for source in som.sources for name in source.names} | set(som.hosts)
     names = [som.known_name(name, args.namespace) for name in args.without]
     for name in names:
         if name not in known:
-            text = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
-            say(f"shsa: {text}", error=True)
+            what = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
+            raise ModelError("--without", what)
     return names
 
 
