@@ -3,6 +3,7 @@ import doctest
 import re
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Dict, Iterator, List, Set
 
@@ -43,6 +44,20 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
 @pytest.mark.parametrize("listing", ALONE, ids=str)
 def test_a_listing_does_what_it_should(listing: Listing, reader: Reader) -> None:
     reader.types(listing.text)
+
+
+def test_what_is_sourced_puts_the_python_of_ros_first(tmp_path: Path) -> None:
+    """Launched programs that begin with `env python3` would take another one, as of pyenv."""
+    other = tmp_path / "python3"
+    other.write_text("#!/bin/sh\nexit 1\n")
+    other.chmod(0o755)
+    lines = [line.strip() for each in TYPED for line in each.text.split("\n")]
+    sourced = {line for line in lines if line.startswith("source ")}
+    assert sourced
+    for line in sourced:
+        words = ["bash", "-ec", f'PATH="{tmp_path}:$PATH"; {line}; command -v python3']
+        found = subprocess.check_output(words, cwd=str(ROOT), universal_newlines=True)
+        assert found.strip() == "/usr/bin/python3", line
 
 
 def test_what_nobody_types_says_why() -> None:

@@ -186,11 +186,12 @@ def test_wrong_names_are_named(shsa: Shsa) -> None:
     status, _, err = shsa("find", "xyz")
     assert status == 2 and "known are /" in err
     status, _, err = shsa("find", "current", "--without", "/logg")
-    assert status == 0 and "no service in the SOM has the node or topic /logg" in err
+    assert status == 2 and "no service in the SOM has the node or topic /logg" in err
 
 
 def test_wrong_calls_have_the_status_2(capsys: Any) -> None:
-    for words in ("", "find", "find x", "nothing", "find current --method x"):
+    steps = [f"find current --ontology o --som s --steps {number}" for number in ("0", "-1", "x")]
+    for words in ("", "find", "find x", "nothing", "find current --method x", *steps):
         with pytest.raises(SystemExit) as end:
             main(words.split())
         assert end.value.code == 2
@@ -212,7 +213,10 @@ def test_find_a_whole_topic(shsa: Shsa, capsys: Any) -> None:
     for words in (["/volts"], ["--topic", "/volts"]):
         status, _, err = shsa("find", *words)
         assert status == 2 and "did you mean /voltage" in err
-    assert shsa("find", "/flow", "--method", "all")[0] == 2
+    status, _, err = shsa("find", "/flow", "--method", "all")
+    assert status == 2 and "--method all needs a property, and /flow is a topic; it has flow" in err
+    status, _, err = shsa("find", "--topic", "/voltage", "--explain")
+    assert status == 2 and "--explain needs a property, and /voltage is a topic" in err
 
 
 def test_find_two_services_of_one_topic(tmp_path: pathlib.Path, capsys: Any) -> None:

@@ -195,8 +195,10 @@ LANGUAGE = (
         (
             "lowpass(a",
             f"not an expression: it cannot be read from position {UNCLOSED} of 'lowpass(a'; "
-            "a comma within {...} ends it, unless it is quoted",
+            "a ( is not closed: a comma within {...} ends what is not quoted",
         ),
+        ("power /", "not an expression: it cannot be read from position 7 of 'power /'"),
+        ("a + )", "not an expression: it cannot be read from position 5 of 'a + )'"),
         (
             "1 " * 30,
             "not an expression: it cannot be read from position 3 of '" + ("1 " * 30)[:-1] + "'",
@@ -220,6 +222,13 @@ def test_refusal_says_what_was_wrong_and_what_is_allowed(text: str, message: Opt
         parse_expression(text)
     if message is not None:
         assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("text", ["(power / voltage", "a * (b"])
+def test_a_parenthesis_without_a_call_was_cut_off_by_no_comma(text: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        parse_expression(text)
+    assert str(caught.value).endswith("; a ( is not closed")
 
 
 @pytest.mark.parametrize(

@@ -22,12 +22,6 @@ ONTOLOGY = Ontology(
 )
 
 
-def test_functions_of_a_property_come_by_the_name_of_their_relation() -> None:
-    assert [f.relation for f in ONTOLOGY.functions_for("a")] == ["r", "s"]
-    assert ONTOLOGY.functions_for("b")[0].inputs == ("a",)
-    assert ONTOLOGY.functions_for("c") == ONTOLOGY.functions_for("nothing") == ()
-
-
 def test_the_graph_is_bipartite_and_follows_the_data() -> None:
     graph = ONTOLOGY.graph
     kinds = dict(graph.nodes(data="kind"))

@@ -1,6 +1,6 @@
 """Checks an ontology and a SOM before they are relied on: `shsa check`."""
 import re
-from typing import Any, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.analysis import budget
 from shsa_core.analysis.check import function_errors, name_errors
@@ -8,16 +8,19 @@ from shsa_core.codegen.generator import generate_function
 from shsa_core.codegen.plans import Plan, read_alone
 from shsa_core.codegen.program import INTEGRAL, compile_program
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, listed
+from shsa_core.files.document import Entry, read_yaml
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som, refuse_others_commands
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field import is_angle
 from shsa_core.model.kinds import Standby
+from shsa_core.model.names import full_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.search.best import BestDerivations
 from shsa_core.search.derivation import SourceTable
+from shsa_core.text import nearest
 from shsa_learning.finding import Finding
 from shsa_learning.ranges.analysis import find_troubles, narrowed
 from shsa_learning.ranges.interval import Interval
@@ -52,8 +55,11 @@ def check_files(
         except ModelError as error:
             errors = errors + [error]
     findings = [_from_error(error) for error in errors] + check_model(ontology, som)
+    written = _written(som_path) if som is not None and som_path is not None else {}
+    if som is not None:
+        findings += _check_sources(som, written, namespace)
     if som is not None and types is not None:
-        findings += check_types(som, types)
+        findings += check_types(som, types, written)
         from shsa_learning.ros import checks  # it needs ROS
 
         findings += checks.check_running(som, namespace)
@@ -140,6 +146,26 @@ def _check_wishes(ontology: Ontology, som: Som) -> Iterator[Finding]:
         for wish in strange:
             what = f"{service.name} {wish}, which is not there"
             yield Finding("warning", service.where, what, "Correct the name, or remove it")
+
+
+def _written(path: str) -> Dict[str, Entry]:
+    """Return the keys of each service as they stand in a SOM file, with their lines."""
+    services = read_yaml(path).mapping("the SOM").get("services")
+    entries = services.mapping("services") if services is not None else {}
+    return {name: each.data for name, each in entries.items() if isinstance(each.data, dict)}
+
+
+def _check_sources(som: Som, written: Mapping[str, Entry], namespace: str) -> Iterator[Finding]:
+    """Report what `derived_from` names that is not there; a topic with a `/` need not be."""
+    services = {*som.services, *written}
+    for service in (each for each in som if "derived_from" in written.get(each.name, ())):
+        for item in written[service.name]["derived_from"].sequence("derived_from"):
+            name = item.string("a name in derived_from")
+            there = name in services or full_name(name, namespace) in som.topics()
+            if not name.startswith("/") and not there:
+                what = f"{service.name} is derived from the service {name}, which is not there"
+                todo = "Correct the name, write a topic as /topic, or remove it"
+                yield Finding("warning", item.where, what + nearest(name, services), todo)
 
 
 def _check_reach(ontology: Ontology, sources: Iterable[Source]) -> Iterator[Finding]:

@@ -16,4 +16,6 @@ class Finding:
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.level}: {self.what}"
-        return f"{text}. {self.todo}." if self.todo else text
+        if not self.todo:
+            return text
+        return f"{text}{'' if text.endswith('?') else '.'} {self.todo}."

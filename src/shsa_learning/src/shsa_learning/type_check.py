@@ -1,9 +1,11 @@
 """Checks a SOM by its message types: that they have the fields, and that these can be healed."""
 import importlib
-from typing import Any, Iterator, List
+from types import MappingProxyType
+from typing import Any, Iterator, List, Mapping
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
+from shsa_core.files.document import Entry
 from shsa_core.model.field import reduces
 from shsa_core.model.field_type import WHOLE, field_type
 from shsa_core.model.service import Service, Source
@@ -76,35 +78,41 @@ def check_healable(som: Som) -> Iterator[Finding]:
                 yield Finding("error", provision.where, what + why, todo)
 
 
-def check_types(som: Som, types: Any) -> Iterator[Finding]:
-    """Report what is wrong with the types and fields of a SOM; `types`: shsa_core.message_types."""
+def check_types(
+    som: Som, types: Any, written: Mapping[str, Entry] = MappingProxyType({})
+) -> Iterator[Finding]:
+    """Report what is wrong with the types and fields of a SOM.
+
+    `types`: shsa_core.message_types; `written`: the keys of its services, with their lines.
+    """
     for service in som:
         try:
             types.layout(service.type)
         except ShsaError:
-            yield _unknown(service)
+            said = written.get(service.name, {}).get("type")
+            yield _unknown(service, service.where if said is None else said.where)
             continue
         for source in service.sources:
             yield from _check_field(service, source, types)
 
 
-def _unknown(service: Service) -> Finding:
-    """Report a type that is not here: a wrong name, or a package that is not built."""
+def _unknown(service: Service, where: str) -> Finding:
+    """Report a type that is not here, said at `where`: a wrong name, or a package not built."""
     package, name = service.type.split("/")
     if is_service(service.type):
         what = f"{service.type} is the type of a ROS service: only topics are watched and healed"
-        return Finding("error", service.where, f"{service.name}: {what}", "Remove it")
+        return Finding("error", where, f"{service.name}: {what}", "Remove it")
     beside = types_beside(service.type)
     if beside:
         near = nearest(name, beside) or f"; it has {', '.join(beside)}"
         what = f"{package} has no message type {name}{near}"
-        return Finding("error", service.where, f"{service.name}: {what}", "Correct the type")
+        return Finding("error", where, f"{service.name}: {what}", "Correct the type")
     what = f"the package {package} of {service.type} is not built here"
     if service.needed:
         what += f", and {service.name} is needed: it cannot be healed"
-        return Finding("error", service.where, what, "Build the package and source it")
+        return Finding("error", where, what, "Build the package and source it")
     what += f": the values of {service.name} are neither checked nor used on this computer"
-    return Finding("warning", service.where, what, "Build the package and source it")
+    return Finding("warning", where, what, "Build the package and source it")
 
 
 def _check_field(service: Service, source: Source, types: Any) -> Iterator[Finding]:

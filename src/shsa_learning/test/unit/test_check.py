@@ -211,6 +211,19 @@ def test_services_of_properties_that_are_not_there(check: Check) -> None:
     ]
 
 
+def test_what_a_service_is_derived_from_is_there(check: Check) -> None:
+    derived = "needed: true, derived_from: [volts, u, p, /elsewhere,\n  volt, wats],"
+    findings = check(ONTOLOGY, SOM.replace("needed: true,", derived, 1))
+    told = {text for text in map(str, findings) if "is derived from" in text}
+    what = "amps is derived from the service {}, which is not there; did you mean {}? "
+    todo = "Correct the name, write a topic as /topic, or remove it."
+    assert {text.partition("warning: ")[2] for text in told} == {
+        what.format("volt", "volts") + todo,
+        what.format("wats", "watts") + todo,
+    }
+    assert all("s.yaml:3: " in text for text in told)
+
+
 def test_ranges_of_all_services_count(check: Check) -> None:
     second = "  u2: {topic: /u2, type: a/B, node: /v2, period: 1, provides: {u: {field: data%s}}}\n"
 

@@ -228,12 +228,16 @@ def test_a_recording_without_numbers_is_no_model(init: Init, tmp_path: Path) -> 
     with BagWriter(tmp_path / "words.bag") as bag:
         record(bag, "/words", "/talker", 10.0, lambda _: String("word"))
     assert init("--bag", str(tmp_path / "words.bag")) == 1
-    assert "services: {}" in init.said and "/words" in init.said
+    assert "services:" not in init.said and "/words" in init.said
+    assert "nobody published a number in " in init.complained
 
 
-def test_an_empty_recording(init: Init, tmp_path: Path) -> None:
-    rosbag.Bag(str(tmp_path / "empty.bag"), "w").close()
-    assert init("--bag", str(tmp_path / "empty.bag")) == 1
+def test_an_empty_recording_is_no_draft_to_correct(init: Init, tmp_path: Path) -> None:
+    bag = str(tmp_path / "empty.bag")
+    rosbag.Bag(bag, "w").close()
+    assert init("--bag", bag, "--som", init.som, "--ontology", init.ontology) == 1
+    assert init.said == "" and not os.path.exists(init.som) and not os.path.exists(init.ontology)
+    assert "nobody published a number in 0 s of empty.bag" in init.complained
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.9, 0.999])

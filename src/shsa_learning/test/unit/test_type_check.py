@@ -47,6 +47,16 @@ def value(field: str, limits: str = "") -> str:
 
 
 @needs_ros
+def test_a_type_that_is_not_there_is_named_at_its_line(tmp_path: pathlib.Path) -> None:
+    ontology, som = files(tmp_path, "nav_msgs/Odometri", value("data"), True)
+    text = pathlib.Path(som).read_text().replace(" type: nav", "\n        type: nav")
+    pathlib.Path(som).write_text(text)
+    (finding,) = check_files(ontology, som, message_types)
+    assert finding.where == f"{som}:3"
+    assert str(finding).endswith("; did you mean Odometry? Correct the type.")
+
+
+@needs_ros
 @pytest.mark.parametrize(
     "type, field",
     [

@@ -120,11 +120,18 @@ def test_other_texts_are_refused(text: str) -> None:
 
 def test_refusal_says_how_a_unit_is_written() -> None:
     with pytest.raises(
-        UnitError, match="'m\\^1.5' is not a unit; write it like A, m/s\\^2 or W\\*h"
+        UnitError, match="'m\\^1.5' is not a unit; write it like A or ampere, m/s\\^2 or"
     ):
         parse_unit("m^1.5")
-    with pytest.raises(UnitError, match="there is no unit 'foo'"):
-        parse_unit("foo")
+    how = "write it like A or ampere, m/s^2 or W*h"
+    for text, what in {
+        "foo": f"there is no unit 'foo'; {how}",
+        "Amper": f"there is no unit 'Amper'; {how}; did you mean ampere?",
+        "m/secnd": f"there is no unit 'secnd' in 'm/secnd'; {how}; did you mean second?",
+    }.items():
+        with pytest.raises(UnitError) as caught:
+            parse_unit(text)
+        assert str(caught.value) == what
 
 
 @pytest.mark.parametrize(

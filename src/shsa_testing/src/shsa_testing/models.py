@@ -98,7 +98,8 @@ def every_derivation(
     for own in dict.fromkeys(sources):
         if own.property == name:
             yield Derivation(name, own, None)
-    for function in model.functions_for(name):
+    yields = [function for function in model.functions if function.output == name]
+    for function in sorted(yields, key=lambda each: each.relation):
         if not {*path, name}.intersection(function.inputs):
             choices = [
                 list(every_derivation(model, sources, i, (*path, name))) for i in function.inputs

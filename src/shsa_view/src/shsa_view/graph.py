@@ -4,7 +4,7 @@ import subprocess
 from typing import Any, Collection, Dict, Iterable, Iterator, List, Tuple
 
 from shsa_core.errors import ShsaError
-from shsa_core.model.ontology import Ontology
+from shsa_core.model.ontology import Ontology, TransferFunction
 from shsa_core.model.som import Som
 from shsa_core.text import shown
 
@@ -15,6 +15,13 @@ STYLE = """
   node [fontname="sans-serif", fontsize=11, margin="0.12,0.05", height=0.3, color=gray50];
   edge [color=gray50, arrowsize=0.7];
 """
+
+
+def functions_for(ontology: Ontology, name: str) -> Tuple[TransferFunction, ...]:
+    """Return the functions that yield the property `name`, in order of their relations."""
+    graph = ontology.graph
+    nodes = sorted(graph.predecessors(name)) if name in graph else ()
+    return tuple(graph.nodes[node]["function"] for node in nodes)
 
 
 def property_id(name: str) -> str:
@@ -52,7 +59,7 @@ def elements(
         found[property_id(name)] = None
         read = [source for source in som.of_property(name) if source.path in inputs]
         found.update({service_id(source.service.name): None for source in read})
-        for function in () if read else ontology.functions_for(name):
+        for function in () if read else functions_for(ontology, name):
             if function.relation in relations:
                 found[relation_id(function.relation, name)] = None
                 open_ += function.inputs

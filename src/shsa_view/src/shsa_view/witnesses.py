@@ -6,6 +6,7 @@ from shsa_core.codegen.program import compile_steady
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
+from shsa_view.graph import functions_for
 
 MOST_RELATIONS = 5
 """Of a property."""
@@ -46,7 +47,7 @@ class WitnessTable:
 
 def _witnesses(ontology: Ontology, name: str) -> List[Witness]:
     found: List[Witness] = []
-    for function in ontology.functions_for(name)[:MOST_RELATIONS]:
+    for function in functions_for(ontology, name)[:MOST_RELATIONS]:
         try:
             program = generate_function(function, ontology.constants)
             step = compile_steady(program.code, len(program.inputs), 1)

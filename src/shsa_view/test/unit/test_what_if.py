@@ -5,7 +5,8 @@ from xml.etree import ElementTree
 
 import pytest
 from shsa_core.errors import ShsaError
-from shsa_core.model.ontology import Ontology
+from shsa_core.language.expression import parse_law
+from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.som import Som
 from shsa_view import graph
 from shsa_view.what_if import answer, concerned, cut_sets
@@ -56,6 +57,15 @@ def test_what_is_left_is_said_in_words() -> None:
 def test_a_loss_is_said_with_what_is_missing() -> None:
     found = answer("", [told(False)], {("/ammeter",): ["ammeter"]})
     assert found["left"] == "ammeter could not be healed (missing: power)."
+
+
+def test_functions_of_a_property_come_by_the_name_of_their_relation() -> None:
+    functions = [
+        TransferFunction(name, "a", (), parse_law("1"), 1.0, text="1") for name in ("s", "r")
+    ]
+    ontology = Ontology({"a": Property("a"), "b": Property("b")}, {}, tuple(functions))
+    assert [each.relation for each in graph.functions_for(ontology, "a")] == ["r", "s"]
+    assert graph.functions_for(ontology, "b") == graph.functions_for(ontology, "nothing") == ()
 
 
 def test_the_drawing_has_an_id_for_every_element() -> None:

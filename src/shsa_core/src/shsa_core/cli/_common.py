@@ -1,5 +1,4 @@
-"""Options and lines of the commands."""
-import argparse
+"""Lines of the commands."""
 import sys
 
 from shsa_core.text import shown
@@ -12,13 +11,3 @@ def say(text: object = "", error: bool = False) -> None:
     """Print lines; characters that could steer a terminal are escaped."""
     for line in str(text).split("\n"):
         print(shown(line, LONGEST_PRINTED), file=sys.stderr if error else sys.stdout)
-
-
-def add_namespace(parser: argparse.ArgumentParser) -> None:
-    """Add --namespace."""
-    parser.add_argument(
-        "--namespace",
-        metavar="NAME",
-        default="/",
-        help="where relative names of topics and nodes are (/)",
-    )

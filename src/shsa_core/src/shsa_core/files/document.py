@@ -25,6 +25,21 @@ _WORDS: Dict[str, Union[None, bool, float]] = {
 }
 
 
+_SLIPS = {
+    r"[^|]*\|[^|]*\|\t": "a tab; indent with spaces",
+    # a word that begins with a character that YAML keeps for itself
+    r"[^|]*start any token\|[^|]*\|([^,}\]\s']{1,20})(?![^,}\]\s]*')": "put it in quotes: '{}'",
+    r"mapping values are not allowed[^|]*\|[^|]*: [^|]*\|": "put a text that has a colon in quotes",
+    r"mapping values are not allowed": "the line before lacks a colon or a space after it, "
+    "or this one is indented too far",
+    r"could not find expected ':'": "this line lacks a colon, or a space after it",
+    r"did not find expected key\|\s*\|": "its indentation differs from that of the lines above",
+    r"did not find expected key": "a quote or a bracket ends too soon, or one above has no end",
+    r"found unexpected end of stream": "the quote that begins here has no end",
+}
+"""Usual slips, by YAML's problem, what stands before it in the line, and what begins there."""
+
+
 class Foreign:
     """The content of a value that no file can have."""
 
@@ -80,7 +95,8 @@ class Value:
         """Return the lowest and the highest number, in a list, that this value must be."""
         items = self.sequence(f"{what}, [lowest, highest],")
         if len(items) != 2:
-            raise self.error(f"{what} must be two numbers, [lowest, highest], not {len(items)}")
+            given = short(", ".join(item.describe() for item in items))
+            raise self.error(f"{what} must be two numbers, [lowest, highest], not [{given}]")
         lowest, highest = items[0].number(f"{what}'s lowest"), items[1].number(f"{what}'s highest")
         if lowest >= highest:
             raise self.error(f"{what} must have its lowest first, not [{lowest:g}, {highest:g}]")
@@ -134,18 +150,17 @@ def parse_yaml(text: str, name: str) -> Value:
                 raise ModelError(_where(event, name), "a second document begins; a file has one")
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        where = f"{name}:{mark.line + 1}" if mark else name
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-        if mark and problem.endswith("cannot start any token"):
-            problem += _quoted(text.splitlines()[mark.line][mark.column :])
+        if mark:
+            line = "".join(text.splitlines()[mark.line : mark.line + 1])
+            seen = f"{problem}|{line[: mark.column]}|{line[mark.column :]}"
+            found = ((re.match(slip, seen), hint) for slip, hint in _SLIPS.items())
+            problem += next((": " + hint.format(*it.groups()) for it, hint in found if it), "")
+            if error.context in ("while scanning a quoted scalar", "while scanning a simple key"):
+                mark = error.context_mark  # what is wrong is where that begins
+        where = f"{name}:{mark.line + 1}" if mark else name
         raise ModelError(where, f"is not valid YAML: {problem}") from error
     return root
-
-
-def _quoted(rest: str) -> str:
-    # a word that begins with a character that YAML keeps for itself
-    word = re.split(r"[,}\]\s]", rest)[0][:20]
-    return f": put it in quotes: '{word}'" if word and "'" not in word else ""
 
 
 def from_parameters(value: object, where: str, depth: int = 0) -> Value:

@@ -11,7 +11,7 @@ from shsa_core.files.readers import ABOVE_0, HIGHEST, Key, Keys, Reader, basic, 
 from shsa_core.files.readers import list_of, mapping, matching, not_negative, number, number_in
 from shsa_core.files.readers import one_of, parsed, positive, read_entry, required, share, text
 from shsa_core.files.readers import whole_number
-from shsa_core.language.syntax import is_name
+from shsa_core.language.syntax import NAMING, is_name
 from shsa_core.language.temporal import parse_formula
 from shsa_core.language.vectors import LONGEST, elements
 from shsa_core.model.checks import REGISTRY, Check, Checks, Formula, Limit, default_checks
@@ -194,7 +194,7 @@ def _provides(value: Value, key: str) -> Dict[str, Dict[str, Any]]:
     for name, item in value.mapping(key).items():
         try:
             if not is_name(name):
-                raise item.error(f"{name!a} cannot be the name of a property")
+                raise item.error(f"{name!a} cannot be the name of a property; {NAMING}")
             keys = read_entry(item, f"the property {name}", VALUE)
             for end, field in keys["field"].items():
                 if name + end in given:

@@ -9,14 +9,13 @@ from shsa_core.files.keys import CONSTANT, FUNCTION, ONTOLOGY, PROPERTY
 from shsa_core.files.readers import read_entry, read_keys
 from shsa_core.language.expression import Expression, Law, compose
 from shsa_core.language.expression import parse_constraint, parse_expression
-from shsa_core.language.syntax import is_name
+from shsa_core.language.syntax import NAMING, is_name
 from shsa_core.language.vectors import Vector, Vectors, elements, unfold
 from shsa_core.model.error import quality_of
 from shsa_core.model.ontology import Constant, Ontology, Property, TransferFunction
 
 MOST_ELEMENTS = 10_000
 """Of all vectors and matrices that a file declares."""
-_NAMES = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
 
 
 def read_ontology(path: str) -> Ontology:
@@ -134,7 +133,7 @@ class _Reader:
 
     def add_relation(self, relation: str, outputs: Value) -> None:
         if not is_name(relation):
-            raise outputs.error(f"the relation cannot be named {relation!a}; {_NAMES}")
+            raise outputs.error(f"the relation cannot be named {relation!a}; {NAMING}")
         directions = dict(outputs.mapping(f"the relation {relation}"))
         shared: Mapping[str, Value] = {}
         if "where" in directions and "where" not in self.properties:
@@ -157,7 +156,7 @@ class _Reader:
     def _check_name(self, name: str, value: Value, others: Collection[str]) -> None:
         if not is_name(name):
             kind = "property" if others is self.constants else "constant"
-            raise value.error(f"a {kind} cannot be named {name!a}; {_NAMES}")
+            raise value.error(f"a {kind} cannot be named {name!a}; {NAMING}")
         if name in others or name in self._vectors:
             raise value.error(f"the name '{name}' stands for two things")
 

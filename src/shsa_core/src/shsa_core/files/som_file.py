@@ -10,7 +10,7 @@ from shsa_core.files.document import Entry, Value, from_parameters, read_yaml
 from shsa_core.files.keys import COUNTS, HOST, MESSAGE_CHECKS, SERVICE, SOM, VALUE, VALUE_CHECKS
 from shsa_core.files.readers import Keys, plain_entry, read_entry, read_keys
 from shsa_core.files.regular import written_by_others
-from shsa_core.language.syntax import is_name
+from shsa_core.language.syntax import NAMING, is_name
 from shsa_core.model.checks import LEARNED, Check, default_checks, default_limit
 from shsa_core.model.error import quality_of
 from shsa_core.model.field import is_distance
@@ -154,7 +154,7 @@ def _service(
 ) -> Service:
     """Return one service; `services` and `hosts`: the names of all."""
     if not is_name(name):
-        raise value.error(f"{name!a} cannot be the name of a service")
+        raise value.error(f"{name!a} cannot be the name of a service; {NAMING}")
     given = read_entry(value, f"the service {name}", SERVICE)
     entry = value.mapping(name)
     given.update({key: full_name(given[key], namespace) for key in NAMES if key in given})

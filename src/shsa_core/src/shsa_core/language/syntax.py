@@ -25,6 +25,7 @@ MAX_STEPS = 100
 NO_FILE = ""
 """The name of the parsed file: the parser would open a named one to quote a line."""
 
+NAMING = "a name has letters, digits and _, does not begin with a digit and is not a reserved word"
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _TAKEN = re.compile(r"_.*|[it][0-9]+|[xy]")
 _NOT_ALLOWED = re.compile(r"[^A-Za-z0-9_+\-*/%.,<>=!() ]")
@@ -84,10 +85,11 @@ def syntax_tree(text: str) -> ast.expr:
     try:
         return ast.parse(text, NO_FILE, mode="eval").body
     except SyntaxError as error:
-        cut = text.count("(") > text.count(")")
-        hint = "; a comma within {...} ends it, unless it is quoted" if cut else ""
-        raise ExpressionError(
-            f"not an expression: it cannot be read from position {error.offset or 1} of "
+        hint = "; a ( is not closed" if text.count("(") > text.count(")") else ""
+        if hint and re.search(r"\w ?\(", text):
+            hint += ": a comma within {...} ends what is not quoted"
+        raise ExpressionError(  # an offset of 0 stands for the end
+            f"not an expression: it cannot be read from position {error.offset or len(text)} of "
             f"'{short(text)}'{hint}"
         ) from error
     except (MemoryError, RecursionError, ValueError, OverflowError) as error:

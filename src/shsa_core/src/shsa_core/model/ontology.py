@@ -159,11 +159,6 @@ class Ontology:
         object.__setattr__(self, "graph", graph)
         object.__setattr__(self, "network", Network(graph))
 
-    def functions_for(self, name: str) -> Tuple[TransferFunction, ...]:
-        """Return the functions that yield the property `name`, in order of their relations."""
-        nodes = sorted(self.graph.predecessors(name)) if name in self.graph else ()
-        return tuple(self.graph.nodes[node]["function"] for node in nodes)
-
 
 EMPTY = Ontology({}, {}, ())
 """Nothing is known, and so nothing is compared."""

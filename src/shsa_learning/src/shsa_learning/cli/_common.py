@@ -10,7 +10,7 @@ import jinja2
 from tabulate import tabulate
 
 from shsa_core import message_types
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -18,6 +18,7 @@ from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import LONGEST_LINE, nearest, shown
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.type_check import available
 
 NARROWEST_COLUMN = 12
@@ -67,13 +68,13 @@ def check_known(name: str, kind: str, known: Iterable[str]) -> None:
 
 
 def without(args: argparse.Namespace, som: Som) -> List[str]:
-    """Return what --without names, as the SOM names it; warn of what is not in the SOM."""
-    known = {name for source in som.sources for name in source.names}
+    """Return what --without names, as the SOM names it. Raises ModelError if it has no such."""
+    known = {name for source in som.sources for name in source.names} | set(som.hosts)
     names = [som.known_name(name, args.namespace) for name in args.without]
     for name in names:
         if name not in known:
-            text = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
-            say(f"shsa: {text}", error=True)
+            what = f"no service in the SOM has the node or topic {name}{_nearest(name, known)}"
+            raise ModelError("--without", what)
     return names
 
 

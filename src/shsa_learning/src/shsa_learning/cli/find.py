@@ -5,9 +5,8 @@ import os
 from typing import Any, Iterator, List, Optional, Sequence, Tuple
 
 from shsa_core.cli._common import say
-from shsa_learning.cli._common import add_models, add_without, check_known, read_models, without
 from shsa_core.codegen.prediction import predictor
-from shsa_core.errors import ModelError, ShsaError
+from shsa_core.errors import ShsaError, listed
 from shsa_core.planning.planner import Calibrations
 from shsa_core.model.kinds import Method
 from shsa_core.model.names import full_name
@@ -15,6 +14,8 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
 from shsa_learning.cli._answers import Answer, Asked, of_property, of_service
+from shsa_learning.cli._common import add_models, add_without, check_known, read_models
+from shsa_learning.cli._common import whole_number, without
 from shsa_learning.loss import lose
 
 
@@ -22,6 +23,7 @@ def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "find",
+        usage="%(prog)s (NAME | --topic NAME) --ontology FILE --som FILE [option ...]",
         help="say what would replace a property, a service, a topic or a node",
         description="All services count as available, save those of the node that provides it. A "
         "service is healed with all of its values, or with some if its message says of the rest "
@@ -42,7 +44,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--steps",
         metavar="N",
-        type=int,
+        type=whole_number(1),
         help="a deadline: the best of what is found first and of the N relations nearest to it",
     )
     parser.add_argument(
@@ -71,7 +73,11 @@ def run(args: argparse.Namespace) -> int:
     )
     kind, services = _lost(args, ontology, som)
     if services and (args.method == "all" or args.explain):
-        raise ModelError(f"the {kind}", "all and --explain are for a property")
+        option = "--explain" if args.explain else "--method all"
+        names = listed(tuple(dict.fromkeys(name for each in services for name in each.properties)))
+        raise ShsaError(
+            f"{option} needs a property, and {args.topic or args.name} is a {kind}; it has {names}"
+        )
     if services:
         answers = [of_service(asked.about(each), each) for each in services]
         named: Answer = {kind: args.topic or args.name, "services": answers}

@@ -63,7 +63,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the drafts. Returns 0, or 1 if no topic has a number."""
+    """Write the drafts. Returns 0, or 1 if no topic has a number: then nothing is written."""
     if args.again:
         return _again(args)
     paths = [path for path in (args.ontology, args.som) if path is not None]
@@ -76,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
         )
     survey, source, notes, listed = _survey(args)
     made = draft(survey, source, notes, listed)
+    if not made.services:
+        return _tell_nothing(survey, made, source, args)
     _check_paths(paths, args.force)  # another may have written them meanwhile
     for path, text in ((args.ontology, made.ontology), (args.som, made.som)):
         if path is not None:
@@ -96,7 +98,20 @@ def run(args: argparse.Namespace) -> int:
         say(made.som.rstrip("\n"))
         for line in _obstacles(made, None):
             say(f"# {line}")
-    return DONE if made.services else NOTHING
+    return DONE
+
+
+def _tell_nothing(survey: Survey, made: Draft, source: str, args: argparse.Namespace) -> int:
+    """Say that there is nothing to draft, and what was left out, instead of empty files."""
+    if args.json:
+        args.som = args.ontology = None  # no file is written
+        print(json.dumps(_document(survey, made, args), indent=2, allow_nan=False))
+        return NOTHING
+    for line in made.som.splitlines()[made.som.splitlines().index("services: {}") + 1 :]:
+        say(line)
+    todo = "Let the robot's nodes publish meanwhile" if args.bag is None else "Record its topics"
+    say(f"shsa: nobody published a number in {source}: no draft is made. {todo}", error=True)
+    return NOTHING
 
 
 def _obstacles(made: Draft, ontology: Optional[str]) -> List[str]:

@@ -2,7 +2,8 @@
 import argparse
 from typing import Any
 
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
+from shsa_learning.cli._namespace import add_namespace
 
 
 def add_parser(subparsers: Any) -> None:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any, Dict, Mapping, Optional, Tuple
 
 from shsa_core.errors import ShsaError
+from shsa_core.text import nearest
 
 _UNIT = re.compile(
     r"""\s*(1|[A-Za-zµμΩ°%]+)(\s*(\^|\*\*)\s*-?[1-9](?!\d))?"""
@@ -14,6 +15,13 @@ _UNIT = re.compile(
 )
 _MAX_LENGTH = 40
 _BASE = {"meter": "m", "second": "s", "kilogram": "kg", "gram": "g", "ampere": "A", "kelvin": "K"}
+_WORDS = (
+    *("ampere", "volt", "watt", "ohm", "coulomb", "farad", "tesla", "meter", "gram", "kilogram"),
+    *("second", "minute", "hour", "hertz", "radian", "degree", "newton", "joule", "pascal", "bar"),
+    *("kelvin", "celsius", "liter", "lux", "percent"),
+)
+"""The units that are proposed."""
+_FORM = "write it like A or ampere, m/s^2 or W*h"
 _SPELLINGS = (("°C", "degC"), ("°", "degree"), ("%", "percent"), ("^", "**"))
 
 
@@ -79,7 +87,7 @@ def _derived() -> Mapping[Tuple[Tuple[str, Fraction], ...], str]:
 @functools.lru_cache(maxsize=4096)
 def _parse_unit(text: str) -> Unit:
     if len(text) > _MAX_LENGTH or not _UNIT.match(text):
-        raise UnitError(f"{text[:_MAX_LENGTH]!r} is not a unit; write it like A, m/s^2 or W*h")
+        raise UnitError(f"{text[:_MAX_LENGTH]!r} is not a unit; {_FORM}")
     spelled = re.sub(r"(?<=[\w°%])\s+(?=[A-Za-zµμΩ°%1])", "*", text)
     for ours, theirs in _SPELLINGS:
         spelled = spelled.replace(ours, theirs)
@@ -90,11 +98,20 @@ def _parse_unit(text: str) -> Unit:
         unit = registry.parse_units("" if spelled == "1" else spelled)
         factor, base = registry.get_base_units(unit)
     except (AttributeError, TypeError, ValueError, ArithmeticError, SyntaxError) as error:
-        raise UnitError(f"there is no unit {text!r}: {error}") from error
+        raise UnitError(_unknown(text, str(error))) from error
     powers = {str(name): Fraction(n).limit_denominator(12) for name, n in base._units.items()}
     powers.pop("radian", None)
     scale = None if "deg" in spelled and unit.dimensionality else float(factor)
     return Unit(tuple(sorted(powers.items())), scale)
+
+
+def _unknown(text: str, why: str) -> str:
+    """Return why a text is no unit, once, where Pint says it of the text or of a part: `why`."""
+    part = re.match(r"'(.+)' is not defined", why)
+    name = part.group(1) if part else text
+    told = f"there is no unit {name!r}" + (f" in {text!r}" if name != text else "")
+    told += "" if part else f": {why}"
+    return f"{told}; {_FORM}{nearest(name.lower(), _WORDS)}"
 
 
 def _power_text(power: Fraction) -> str:
