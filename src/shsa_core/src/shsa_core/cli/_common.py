@@ -1,5 +1,6 @@
-"""Options and lines of the commands."""
+"""Names and lines of the commands."""
 import argparse
+import re
 import sys
 
 from shsa_core.text import shown
@@ -14,11 +15,8 @@ def say(text: object = "", error: bool = False) -> None:
         print(shown(line, LONGEST_PRINTED), file=sys.stderr if error else sys.stdout)
 
 
-def add_namespace(parser: argparse.ArgumentParser) -> None:
-    """Add --namespace."""
-    parser.add_argument(
-        "--namespace",
-        metavar="NAME",
-        default="/",
-        help="where relative names of topics and nodes are (/)",
-    )
+def ros_namespace(text: str) -> str:
+    """Return a namespace, as a type of argparse."""
+    if not re.fullmatch("[A-Za-z0-9_/]*", text):
+        raise argparse.ArgumentTypeError(f"{text!a} is no namespace, as /robot1")
+    return text

@@ -10,7 +10,7 @@ import jinja2
 from tabulate import tabulate
 
 from shsa_core import message_types
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.som_file import read_som
@@ -18,6 +18,7 @@ from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_core.text import LONGEST_LINE, nearest, shown
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.type_check import available
 
 NARROWEST_COLUMN = 12

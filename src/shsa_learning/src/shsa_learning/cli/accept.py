@@ -3,9 +3,10 @@ import argparse
 import importlib
 from typing import Any
 
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.som_file import read_som
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.acceptance import advice, with_act
 from shsa_learning.incident_log import Log, read_log
 from shsa_learning.whole_file import write_whole

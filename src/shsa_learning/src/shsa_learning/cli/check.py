@@ -5,7 +5,8 @@ from dataclasses import asdict
 from typing import Any
 
 from shsa_core import message_types
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.check import check_files
 from shsa_learning.type_check import available
 

@@ -4,7 +4,7 @@ import json
 import os
 from typing import Any, List
 
-from shsa_core.cli._common import say
+from shsa_core.cli._common import ros_namespace, say
 from shsa_core.errors import ShsaError
 from shsa_learning.doctor import Finding, fates, findings
 
@@ -21,7 +21,11 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--som", metavar="FILE", default="", help="instead of the running one")
     parser.add_argument(
-        "--namespace", metavar="NAME", default="", help="where healing runs (ROS_NAMESPACE, or /)"
+        "--namespace",
+        metavar="NAME",
+        type=ros_namespace,
+        default="",
+        help="where healing runs (ROS_NAMESPACE, or /)",
     )
     parser.add_argument("--secret", metavar="FILE", default="", help="the secret of healing")
     parser.add_argument("--log", metavar="FILE", default="", help="the incident log")

@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any, List, Optional, Sequence, Tuple
 
 from shsa_learning.incident_log import read_log
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.healing.incident import Incident
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_learning.cli._common import read_models, whole_number
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.explain.words import summary, title
 
 MOST_PAGES = 1000

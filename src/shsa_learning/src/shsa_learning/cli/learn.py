@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, Dict, List, Sequence
 
 from tabulate import tabulate
 
-from shsa_core.cli._common import add_namespace, say
+from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.files.ontology_file import read_ontology
 from shsa_core.files.regular import read_text
 from shsa_core.files.som_file import read_som
 from shsa_core.model.ontology import Ontology
 from shsa_learning.cli._common import whole_number
+from shsa_learning.cli._namespace import add_namespace
 
 if TYPE_CHECKING:
     from shsa_learning.learn.learner import Learned
