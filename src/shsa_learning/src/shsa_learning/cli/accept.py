@@ -6,8 +6,8 @@ from typing import Any
 from shsa_core.cli._common import say
 from shsa_core.errors import ModelError, ShsaError
 from shsa_core.files.som_file import read_som
-from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.acceptance import advice, with_act
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.incident_log import Log, read_log
 from shsa_learning.whole_file import write_whole
 
@@ -52,6 +52,8 @@ def _read(path: str) -> Log:
     except ImportError as error:
         raise ShsaError(f"name the incident log with --log: there is no ROS here ({error})")
     except ModelError as error:
+        if path or not isinstance(error.__cause__, FileNotFoundError):
+            raise
         return Log((), (f"{error}: nothing was advised yet",))
 
 
