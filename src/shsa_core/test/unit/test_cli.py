@@ -50,6 +50,14 @@ def test_maintenance_is_a_file_of_our_own(tmp_path: Any, monkeypatch: Any, capsy
     assert "'a b' is no namespace, as /robot1" in capsys.readouterr().err
 
 
+def test_ctrl_c_while_a_command_is_loaded_is_no_traceback(monkeypatch: Any) -> None:
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("importlib.import_module", interrupted)
+    assert main(["init"]) == 130
+
+
 @pytest.fixture
 def found(shsa: Shsa) -> Found:
     """Runs `shsa find --json`; returns its exit status and the document."""

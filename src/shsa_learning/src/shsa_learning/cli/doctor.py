@@ -41,9 +41,11 @@ def run(args: argparse.Namespace) -> int:
     except ImportError as error:
         raise ShsaError(f"doctor needs ROS: source its setup.bash ({error})") from error
     told: List[str] = []
+    when = "now"
     try:
         seen = examine(args.som, args.secret, args.log)
         found, told = findings(seen), fates(seen)
+        when = when if seen.som.act else "once healing acts"
     except ShsaError as nothing:
         found = [Finding(str(nothing), "mend that first")]
     if args.json:
@@ -54,5 +56,5 @@ def run(args: argparse.Namespace) -> int:
         count = "1 finding" if len(found) == 1 else f"{len(found)} findings"
         say(count if found else "nothing is wrong here")
         if told:
-            say("\n    ".join(["what becomes of a node, once healing acts:", *told]))
+            say("\n    ".join([f"what becomes of a node, {when}:", *told]))
     return 1 if found else 0
