@@ -35,16 +35,27 @@ def shsa(capsys: Any) -> Shsa:
 def test_maintenance_is_a_file_of_our_own(tmp_path: Any, monkeypatch: Any, capsys: Any) -> None:
     pytest.importorskip("rospy")
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
-    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:11311")
+    monkeypatch.setenv("ROS_MASTER_URI", "http://localhost:1")
     for word, told in (("", "off"), ("on", "on"), ("", "on"), ("off", "off"), ("", "off")):
-        assert main(["maintenance", word] if word else ["maintenance"]) == 0
-        assert capsys.readouterr().out == f"maintenance is {told}\n"
+        assert main(["maintenance", word] if word else ["maintenance"]) == (told == "on")
+        assert f"; maintenance is {told} once" in capsys.readouterr().err
     main(["maintenance", "on", "--namespace", "/other"])
-    assert main(["maintenance"]) == 0 and capsys.readouterr().out.endswith("maintenance is off\n")
+    assert main(["maintenance"]) == 0 and "maintenance is off once" in capsys.readouterr().err
     (made,) = (tmp_path / "shsa").iterdir()
     made.chmod(0o666)
-    main(["maintenance", "--namespace", "other"])
-    assert capsys.readouterr().out == "maintenance is off\n"
+    assert main(["maintenance", "--namespace", "other"]) == 0
+    assert "maintenance is off once" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["maintenance", "--namespace", "a b"])
+    assert "'a b' is no namespace, as /robot1" in capsys.readouterr().err
+
+
+def test_ctrl_c_while_a_command_is_loaded_is_no_traceback(monkeypatch: Any) -> None:
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("importlib.import_module", interrupted)
+    assert main(["init"]) == 130
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from shsa_core.ros.launch_arguments import unknown
 ROOT = Path(__file__).resolve().parents[4]
 LAUNCH = ROOT / "src" / "shsa_core" / "launch"
 SHSA = str(LAUNCH / "shsa.launch")
+MAIN = "from shsa_core.ros.launch_arguments import main; main()"
 OUTER = """
 <launch>
   <arg name="own" default="shsa.launch" /><arg name="fixed" value="1" />
@@ -32,6 +33,19 @@ def test_a_wrong_name_is_refused_and_those_that_are_there_are_told() -> None:
     assert refused(SHSA, "ontology:=/o", "som:=/a:=b", "__name:=x", "hold_off:=2") == []
     ((name, taken),) = unknown(["roslaunch", "-p", "11322", SHSA, "methd:=orr", "--screen"])
     assert name == "methd" and {"method", "hold_off", "som"} < set(taken)
+
+
+def test_the_name_that_was_meant_is_told_before_all_others(tmp_path: Path) -> None:
+    """It was at the end of a line of some hundred characters, where nobody reads."""
+    roslaunch = tmp_path / "roslaunch"
+    code = "import subprocess, sys\n"
+    code += f"subprocess.run([{sys.executable!r}, '-c', {MAIN!r}])"
+    roslaunch.write_text(code)
+    command = [sys.executable, str(roslaunch), SHSA, "veiw:=true"]
+    done = subprocess.run(command, stderr=subprocess.PIPE, universal_newlines=True, check=True)
+    assert done.stderr.startswith(
+        "There is no argument veiw; did you mean view? There are actions,"
+    )
 
 
 @pytest.mark.parametrize("passes, ok", [("true", True), ("false", False)])

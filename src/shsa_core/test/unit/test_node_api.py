@@ -6,8 +6,10 @@ from typing import Any, Callable, Iterator, List, Tuple
 
 import pytest
 
+from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, Originals, address, ask, pid, topics
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, Originals, address, ask, master_api
+from shsa_core.ros.master.node_api import pid, topics
 from shsa_core.ros.master.master_watch import MasterCalls
 from strange_nodes import NONSENSE, Send, StrangeNode, bomb, drip, endless, nothing, value, zipped
 
@@ -99,6 +101,16 @@ def test_an_address_that_is_none_is_not_called(uri: str) -> None:
         address(uri)
     with pytest.raises(BadAnswer):
         ask(uri, "getPid")
+
+
+@pytest.mark.parametrize("uri", ["localhost:11311", "junk", "", "http://", "http://a:99999"])
+def test_a_master_uri_that_is_none_is_refused_in_words(
+    monkeypatch: pytest.MonkeyPatch, uri: str
+) -> None:
+    monkeypatch.setenv("ROS_MASTER_URI", uri)
+    with pytest.raises(ShsaError) as refused:
+        master_api("/test")
+    assert str(refused.value).startswith(f"ROS_MASTER_URI is '{uri}': it must be http://HOST:PORT")
 
 
 def test_addresses_of_nodes() -> None:

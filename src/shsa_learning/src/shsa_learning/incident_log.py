@@ -1,9 +1,10 @@
 """Incidents as healing told them: in the lines of its log, and in messages."""
 import os
+from dataclasses import MISSING, fields
 from math import isfinite
 from typing import Any, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
-from shsa_core.errors import ModelError
+from shsa_core.errors import ModelError, listed
 from shsa_core.files.regular import open_to_read
 from shsa_core.healing.incident import Incident, State
 from shsa_core.journal.codec import Codec
@@ -22,6 +23,13 @@ SAME_S = 1.0
 """Incidents of one service and number are one if they were detected within so much of another."""
 LATEST_S = 2.0**32
 """Times of ROS are before."""
+MOST_NOTES = 3
+"""Of more lines that are no incident, the count is told."""
+REQUIRED = [
+    each.name
+    for each in fields(Incident)
+    if each.default is MISSING and each.default_factory is MISSING
+]
 _CODEC = Codec(Incident)
 _TEXTS = ("service", "topic", "faulty_node", "evidence", "detail", "substitute", "code", "decision")
 _LISTS = ("properties", "inputs", "outputs", "relations", "gains", "offsets", "missing")
@@ -38,7 +46,8 @@ def read_log(path: str) -> Log:
     """The incidents of `shsa_incidents.jsonl`, moments in s of ROS time; the last line of each.
 
     A line that is none is left out and told in the notes: who writes it may have been killed, or
-    have been of another version. Raises ModelError if the file cannot be read.
+    have been of another version. Raises ModelError if the file cannot be read, or if none of its
+    lines is an incident.
     """
     with open_to_read(path) as file:
         size = os.fstat(file.fileno()).st_size
@@ -52,12 +61,18 @@ def read_log(path: str) -> Log:
         except OSError as error:
             raise ModelError(path, f"cannot be read: {error}") from error
     found: List[Incident] = []
+    wrong: List[str] = []
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
                 found.append(of_line(line, f"{path}:{number}"))
             except ModelError as error:
-                notes.append(str(error))
+                wrong.append(str(error) if len(wrong) < MOST_NOTES else "")
+    if wrong and not found:
+        raise ModelError(path, f"is no incident log: none of its lines is an incident; {wrong[0]}")
+    notes += wrong[:MOST_NOTES]
+    if len(wrong) > MOST_NOTES:
+        notes.append(f"{path}: {len(wrong) - MOST_NOTES} more lines are no incidents")
     return Log(newest(found), tuple(notes))
 
 
@@ -65,6 +80,9 @@ def of_line(line: bytes, where: str) -> Incident:
     """The incident that a line of the log is. Raises ModelError, with `where`."""
     data = read_line(line, where)
     data.pop("outage", None)  # it follows from the moments
+    missing = [name for name in REQUIRED if name not in data]
+    if missing:
+        raise ModelError(where, f"is no incident: it lacks {listed(missing)}")
     incident: Incident = _CODEC.decode(data, where, "incident")
     moments = [getattr(incident, name) for name in MOMENTS]
     if not all(0.0 <= each <= LATEST_S for each in moments if each is not None):

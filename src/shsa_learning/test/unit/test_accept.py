@@ -6,7 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, List
+from typing import Any, List, Optional
 
 import pytest
 
@@ -104,8 +104,32 @@ def test_one_line_is_written_if_somebody_agrees(
 
 def test_a_line_that_says_no_is_changed(som: Path, tmp_path: Path) -> None:
     som.write_text("act: false\n" + SOM)
-    assert main(["accept", "--som", str(som), "--log", str(tmp_path / "none"), "--yes"]) == 0
+    log = tmp_path / "empty"
+    log.touch()
+    assert main(["accept", "--som", str(som), "--log", str(log), "--yes"]) == 0
     assert som.read_text() == "act: true\n" + SOM
+
+
+@pytest.mark.parametrize("content", [None, "{}\n"])
+def test_without_the_log_that_was_named_nothing_is_written(
+    som: Path, content: Optional[str], capsys: Any
+) -> None:
+    log = som.with_name("named.jsonl")
+    if content is not None:
+        log.write_text(content)
+    assert main(["accept", "--som", str(som), "--log", str(log), "--yes"]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith(f"shsa: {log}: ") and said.err.count("\n") == 1
+    assert said.out == "" and som.read_text() == SOM
+
+
+def test_before_the_first_incident_there_is_no_log(
+    som: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    none = str(som.with_name("shsa_incidents.jsonl"))
+    monkeypatch.setattr("shsa_core.ros.incidents.log_path", lambda _: none)
+    assert main(["accept", "--som", str(som), "--yes"]) == 0
+    assert "nothing was advised yet" in capsys.readouterr().err
 
 
 def test_a_full_disk_leaves_the_som_as_it_was(som: Path) -> None:
@@ -113,7 +137,9 @@ def test_a_full_disk_leaves_the_som_as_it_was(som: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
 
     script = Path(__file__).resolve().parents[3] / "shsa_core" / "scripts" / "shsa"
-    words = ["accept", "--yes", "--som", str(som), "--log", str(som.parent / "none.jsonl")]
+    log = som.with_name("empty.jsonl")
+    log.touch()
+    words = ["accept", "--yes", "--som", str(som), "--log", str(log)]
     done = subprocess.run(
         [sys.executable, str(script), *words],
         preexec_fn=full,
@@ -123,4 +149,4 @@ def test_a_full_disk_leaves_the_som_as_it_was(som: Path) -> None:
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )
     assert done.returncode == 2 and "File too large" in done.stderr
-    assert som.read_text() == SOM and [*som.parent.iterdir()] == [som]
+    assert som.read_text() == SOM and {*som.parent.iterdir()} == {som, log}

@@ -98,6 +98,7 @@ def test_plot_writes_png_and_refuses_other_formats(shsa: Shsa, tmp_path: pathlib
     path = tmp_path / "boat.png"
     assert shsa("plot", "--output", str(path))[0] == 0
     assert path.read_bytes().startswith(b"\x89PNG")
+    assert shsa("plot", "--output", str(path))[1] == f"{path}\n"
     status, _, err = shsa("plot", "--output", "boat.jpg")
     assert status == 2 and "does not end in .svg or .png" in err
 
@@ -149,6 +150,12 @@ def test_report_as_json(shsa: Shsa) -> None:
         {"nodes": ["/log", "/sonar", "/voltmeter"], "services": ["voltage"]},
     ]
     assert report["survival"] == {"single": 1.0, "double": 1.0}
+
+
+@pytest.mark.parametrize("words", [["plot", "--output"], ["report", "--html"]])
+def test_a_folder_that_is_not_there_is_told_as_elsewhere(shsa: Shsa, words: List[str]) -> None:
+    status, _, err = shsa(*words, "/nothere/x.svg")
+    assert (status, err) == (2, "shsa: /nothere/x.svg: No such file or directory\n")
 
 
 def test_report_as_one_page_with_the_graph(shsa: Shsa, tmp_path: pathlib.Path) -> None:

@@ -6,6 +6,7 @@ from unittest.mock import Mock
 
 import pytest
 
+from shsa_core.cli.main import main
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.ontology import Ontology
@@ -195,3 +196,14 @@ def test_a_node_is_told_of_once() -> None:
     seen = WELL._replace(som=Som([ODOMETRY, other]), duties=DUTIES)
     assert fates(seen) == fates(seen._replace(publishers={**PUBLISHERS, "/speed": ["/base"]}))
     assert fates(seen._replace(publishers=LOST)) == []
+
+
+@pytest.mark.parametrize("act, when", [(True, "now"), (False, "once healing acts")])
+def test_what_becomes_of_a_node_is_so_now_where_healing_acts(
+    monkeypatch: pytest.MonkeyPatch, capsys: Any, act: bool, when: str
+) -> None:
+    examination = pytest.importorskip("shsa_learning.ros.examination")
+    seen = WELL._replace(som=Som([ODOMETRY], act=act))
+    monkeypatch.setattr(examination, "examine", lambda *_: seen)
+    assert main(["doctor"]) == 0
+    assert f"\nwhat becomes of a node, {when}:\n" in capsys.readouterr().out

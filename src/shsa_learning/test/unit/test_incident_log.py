@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rospy
 
-from shsa_learning.incident_log import MOST_BYTES, of_message, read_log
+from shsa_learning.incident_log import MOST_BYTES, MOST_NOTES, of_message, read_log
 from shsa_core.errors import ModelError
 from shsa_core.healing.incident import Incident, State
 from shsa_core.model.error import Error
@@ -61,7 +61,7 @@ def test_an_incident_counts_as_it_was_told_last(tmp_path: Path) -> None:
     [
         (b"{", "is not a line"),
         (b"[1]", "no JSON object"),
-        (b'{"id": 1}', "is no Incident"),
+        (b'{"id": 1}', "is no incident: it lacks service, topic, "),
         (b"\xff", "is not a line"),
         (line(INCIDENT).replace(b'"silent"', b'"loud"'), "must be one of node_gone"),
         (line(INCIDENT).replace(b"1010.0", b"1e999"), "a moment is no time"),
@@ -74,6 +74,25 @@ def test_a_line_that_is_none_is_told_and_left_out(tmp_path: Path, wrong: bytes, 
     incidents, (note,) = read_log(str(log))
     assert incidents == (INCIDENT,)
     assert note.startswith(f"{log}:2: ") and told in note
+
+
+def test_of_many_lines_that_are_none_a_few_are_told(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.write_bytes(b"x\n" * 1000 + line(INCIDENT))
+    incidents, notes = read_log(str(log))
+    assert incidents == (INCIDENT,) and len(notes) == MOST_NOTES + 1
+    assert notes[-1] == f"{log}: {1000 - MOST_NOTES} more lines are no incidents"
+
+
+@pytest.mark.parametrize("data", [b"{}\n", b'{"journal": 1}\n{"class": "Tick"}\n', bytes(10_000)])
+def test_a_file_of_something_else_is_refused_in_one_line(tmp_path: Path, data: bytes) -> None:
+    log = tmp_path / "log"
+    log.write_bytes(data)
+    with pytest.raises(ModelError) as refused:
+        read_log(str(log))
+    told = str(refused.value)
+    assert told.startswith(f"{log}: is no incident log") and "\n" not in told and len(told) < 400
+    assert "__init__" not in told
 
 
 def test_of_a_log_that_is_too_long_the_end_is_read(tmp_path: Path) -> None:

@@ -170,6 +170,15 @@ def test_a_second_recording_widens_what_the_first_drafted(
     assert init.said == "nothing new was seen\n"
 
 
+def test_again_says_which_file_is_not_there(init: Init, turtle: str) -> None:
+    init.drafts(turtle)
+    renamed = Path(init.som).rename(Path(init.som).with_name("renamed.yaml"))
+    assert init("--again", "--bag", turtle, "--som", str(renamed)) == 2
+    drafted = renamed.with_name("renamed.drafted.yaml")
+    told = f"shsa: {drafted}: is not there: {renamed} as `shsa init` drafted it"
+    assert init.complained.startswith(told)
+
+
 def test_the_survey_as_a_document(init: Init, turtle: str) -> None:
     assert init("--bag", turtle, "--json") == 0
     document: Dict[str, Any] = json.loads(init.said)

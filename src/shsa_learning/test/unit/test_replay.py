@@ -100,6 +100,12 @@ def test_a_part_is_printed_and_everything_is_replayed(
     assert [topic for topic in ("/odom", "/imu") if topic in out] == printed
 
 
+def test_a_name_that_nothing_has_is_told(shsa: Shsa, journal: Path) -> None:
+    told = "no decision that is asked for names "
+    assert f"{told}/nothere\n" in shsa("replay", str(journal), "--only", "/nothere")[1]
+    assert told not in shsa("replay", str(journal), "--only", "/odom")[1]
+
+
 def test_a_document_for_programs(shsa: Shsa, journal: Path) -> None:
     status, out, _ = shsa("replay", str(journal), "--json", "--only", "/imu")
     document = json.loads(out)

@@ -86,6 +86,10 @@ class History:
         while len(self._clips) > MOST_CLIPS:
             del self._clips[next(iter(self._clips))]
 
+    def knows(self, name: str) -> bool:
+        """Return true if there is a sample of a service."""
+        return name in self._samples
+
     def values(self, name: str, key: str = "") -> Document:
         """Return the values of a service: the newest, or those around an incident, by its key."""
         samples = self._clips.get(key) or list(self._samples.get(name, ()))

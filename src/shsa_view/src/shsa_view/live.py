@@ -75,7 +75,12 @@ class View:
         return self._document
 
     def values(self, service: str, incident: str) -> str:
-        """Return the values of a service as JSON: the newest, or those around an incident."""
+        """Return the values of a service as JSON: the newest, or those around an incident.
+
+        Raises Refused if there is no such service.
+        """
+        if not self.state.knows(service):
+            raise Refused(f"there is no service {service!a} here")
         return encoded(self.state.history.values(service, incident))
 
     def timeline(self) -> Document:

@@ -89,6 +89,11 @@ class State:
             self.history.second(now, name, row, witnesses)
         self.history.cut(now, self._incidents.known())
 
+    def knows(self, service: str) -> bool:
+        """Return true if a service is shown, or was."""
+        self._settle()
+        return service in self._rows or self.history.knows(service)
+
     def timeline(self, now: float) -> Document:
         """Return what the services and the incidents of the last hour were."""
         return self.history.timeline(now, self._incidents.newest_first())

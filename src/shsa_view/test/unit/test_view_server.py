@@ -87,9 +87,12 @@ def text(served: Served, path: str) -> Tuple[str, str]:
 
 
 def test_values_the_last_hour_and_metrics_are_served(served: Served) -> None:
-    wait_until(lambda: served.ask("/api/values?service=ammeter")[1]["times"], 10.0, "a sample")
+    ammeter = "/api/values?service=ammeter"
+    wait_until(lambda: served.ask(ammeter)[1].get("times"), 10.0, "a sample")
     status, told = served.ask("/api/values")
     assert status == 400 and "name a service" in told["error"]
+    status, told = served.ask("/api/values?service=nope")
+    assert (status, told) == (400, {"error": "there is no service 'nope' here"})
     assert set(served.ask("/api/timeline.json")[1]["services"]) == {*NODES}
     kind, lines_ = text(served, "/api/timeline.csv")
     assert kind.startswith("text/csv") and lines_.startswith("what,service,")

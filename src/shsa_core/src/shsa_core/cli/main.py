@@ -34,15 +34,15 @@ INTERRUPTED, CLOSED_PIPE = 128 + signal.SIGINT, 128 + signal.SIGPIPE  # as the s
 def main(arguments: Optional[List[str]] = None) -> int:
     """Run a command. Returns 0 if it is done, 1 if the answer is no, 2 if it was called wrongly."""
     words = sys.argv[1:] if arguments is None else arguments
-    parser, commands, missing = command_line(words[0] if words else "")
-    if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
-        import argcomplete
-
-        argcomplete.autocomplete(parser)
-    if words and words[0] in missing:
-        return _fail(f"{words[0]} needs {missing[words[0]]}", WRONG)
-    given = parser.parse_args(words)
     try:
+        parser, commands, missing = command_line(words[0] if words else "")
+        if "_ARGCOMPLETE" in os.environ:  # the shell asks for completions
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
+        if words and words[0] in missing:
+            return _fail(f"{words[0]} needs {missing[words[0]]}", WRONG)
+        given = parser.parse_args(words)
         status: int = commands[given.command].run(given)
         sys.stdout.flush()
         return status
@@ -90,6 +90,7 @@ def _modules() -> Dict[str, str]:
     return found
 
 
-def _fail(error: object, status: int) -> int:
-    say(f"shsa: {error}", error=True)
+def _fail(error: Any, status: int) -> int:
+    file = getattr(error, "filename", None)  # of an OSError
+    say(f"shsa: {file}: {error.strerror}" if file else f"shsa: {error}", error=True)
     return status

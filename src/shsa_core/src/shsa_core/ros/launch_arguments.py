@@ -79,7 +79,7 @@ def main() -> None:
         command = []  # of another user: nobody knows its arguments
     refused = unknown(command)
     for name, taken in refused:
-        known = f"{', '.join(taken)}{nearest(name, taken)}"
-        print(f"There is no argument {name}; there are {known}", file=sys.stderr)
+        known = f"{nearest(name, taken) or '.'} There are {', '.join(taken)}"
+        print(f"There is no argument {name}{known}", file=sys.stderr)
     print(" ".join(word for word in command if _ARGUMENT.match(word)))
     sys.exit(1 if refused else 0)

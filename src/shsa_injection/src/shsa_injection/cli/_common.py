@@ -6,6 +6,7 @@ import signal
 import sys
 from typing import Any, Optional, Tuple
 
+from shsa_core.cli._common import ros_namespace
 from shsa_core.files.som_file import read_som
 from shsa_core.model.som import Som
 
@@ -19,7 +20,10 @@ def add_som(parser: argparse.ArgumentParser) -> None:
         "--som", metavar="FILE", help="the SOM (that of the healing which runs on this computer)"
     )
     parser.add_argument(
-        "--namespace", metavar="NAME", help="where relative names of topics and nodes are (/)"
+        "--namespace",
+        metavar="NAME",
+        type=ros_namespace,
+        help="where relative names of topics and nodes are (/)",
     )
 
 

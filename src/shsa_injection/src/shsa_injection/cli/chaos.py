@@ -56,14 +56,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: Any, som: Any, namespace: str, seed: int, file: Optional[TextIO]) -> int:
-    import rosgraph
     import rospy
 
+    from shsa_core.ros.master.node_api import FAILURES, master_api, master_uri
     from shsa_injection.ros.chaos import Chaos, Extent
     from shsa_injection.trace import Trace
 
-    if not rosgraph.is_master_online():
-        raise ShsaError(f"no master answers at {rosgraph.get_master_uri()}")
+    try:
+        master_api("/shsa_chaos").getPid()
+    except FAILURES as error:
+        raise ShsaError(f"no ROS master answers at {master_uri()}: {error}") from error
     rospy.init_node("shsa_chaos", anonymous=True, disable_signals=True)
     extent = Extent(
         None if args.minutes is None else args.minutes * 60.0,

@@ -13,6 +13,7 @@ from roslib.packages import find_node
 
 from shsa_core.errors import ShsaError
 from shsa_core.model.names import full_name
+from shsa_core.ros.master.node_api import master_uri
 from shsa_core.ros.processes.kernel import robot_processes
 from shsa_core.ros.processes.prepared import OPTION
 from shsa_injection.errors import Refused
@@ -74,6 +75,7 @@ def som_file() -> Tuple[str, str]:
     Taken from the process and not from the parameter server, where anybody may write. Raises
     ShsaError if there is no such process, or several with other files.
     """
+    master_uri()  # what is none is of no robot
     found = {(_option(each), each.namespace) for each in running(("reconfigurator",))}
     if len(found) != 1:
         why = "no reconfigurator of this user runs here" if not found else "several robots run here"

@@ -3,8 +3,8 @@ import os
 from typing import Tuple
 
 import psutil
-import rosgraph
 
+from shsa_core.ros.master.node_api import master_uri
 from shsa_injection.errors import Refused
 from shsa_injection.ros import targets
 from shsa_injection.ros.targets import Start
@@ -17,9 +17,10 @@ BESIDE = ("rosmaster", "rosout")
 def find() -> psutil.Process:
     """Return the master's process.
 
-    Raises Refused if it is not this user's rosmaster, or if a launch would end with it.
+    Raises Refused if it is not this user's rosmaster, or if a launch would end with it; ShsaError
+    if ROS_MASTER_URI is none.
     """
-    uri = rosgraph.get_master_uri()
+    uri = master_uri()
     process = targets.owned(targets.listening_process(uri), "the master")
     if not _is(process, NAMES):
         raise Refused(f"process {process.pid}, which listens at {uri}, is no rosmaster")

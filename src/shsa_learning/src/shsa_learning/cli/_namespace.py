@@ -1,5 +1,7 @@
-"""The option for the namespace of a robot."""
+"""The option --namespace: apart from others, which load what draws tables."""
 import argparse
+
+from shsa_core.cli._common import ros_namespace
 
 
 def add_namespace(parser: argparse.ArgumentParser) -> None:
@@ -7,6 +9,7 @@ def add_namespace(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--namespace",
         metavar="NAME",
+        type=ros_namespace,
         default="/",
         help="where relative names of topics and nodes are (/)",
     )

@@ -52,6 +52,8 @@ def _read(path: str) -> Log:
     except ImportError as error:
         raise ShsaError(f"name the incident log with --log: there is no ROS here ({error})")
     except ModelError as error:
+        if path or not isinstance(error.__cause__, FileNotFoundError):
+            raise
         return Log((), (f"{error}: nothing was advised yet",))
 
 

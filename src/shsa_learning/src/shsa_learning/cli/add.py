@@ -9,6 +9,7 @@ from shsa_core import message_types
 from shsa_core.cli._common import say
 from shsa_core.errors import ModelError
 from shsa_core.files.som_file import added_path, read_som
+from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.check import check_files
 from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.saving import dump, load

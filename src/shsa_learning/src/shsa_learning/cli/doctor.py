@@ -4,7 +4,7 @@ import json
 import os
 from typing import Any, List
 
-from shsa_core.cli._common import say
+from shsa_core.cli._common import ros_namespace, say
 from shsa_core.errors import ShsaError
 from shsa_learning.doctor import Finding, fates, findings
 
@@ -21,7 +21,11 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--som", metavar="FILE", default="", help="instead of the running one")
     parser.add_argument(
-        "--namespace", metavar="NAME", default="", help="where healing runs (ROS_NAMESPACE, or /)"
+        "--namespace",
+        metavar="NAME",
+        type=ros_namespace,
+        default="",
+        help="where healing runs (ROS_NAMESPACE, or /)",
     )
     parser.add_argument("--secret", metavar="FILE", default="", help="the secret of healing")
     parser.add_argument("--log", metavar="FILE", default="", help="the incident log")
@@ -37,9 +41,11 @@ def run(args: argparse.Namespace) -> int:
     except ImportError as error:
         raise ShsaError(f"doctor needs ROS: source its setup.bash ({error})") from error
     told: List[str] = []
+    when = "now"
     try:
         seen = examine(args.som, args.secret, args.log)
         found, told = findings(seen), fates(seen)
+        when = when if seen.som.act else "once healing acts"
     except ShsaError as nothing:
         found = [Finding(str(nothing), "mend that first")]
     if args.json:
@@ -50,5 +56,5 @@ def run(args: argparse.Namespace) -> int:
         count = "1 finding" if len(found) == 1 else f"{len(found)} findings"
         say(count if found else "nothing is wrong here")
         if told:
-            say("\n    ".join(["what becomes of a node, once healing acts:", *told]))
+            say("\n    ".join([f"what becomes of a node, {when}:", *told]))
     return 1 if found else 0

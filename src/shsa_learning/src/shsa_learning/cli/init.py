@@ -131,6 +131,9 @@ def _again(args: argparse.Namespace) -> int:
     if args.som is None or args.ontology is not None or args.learn:
         raise ModelError("--again", "needs --som, the draft to be widened, and that alone")
     copy = drafted_path(args.som)
+    if os.path.isfile(args.som) and not os.path.lexists(copy):
+        what = f"is not there: {args.som} as `shsa init` drafted it, to tell what you changed"
+        raise ModelError(copy, f"{what}; rename both files alike")
     for path in (args.som, copy):
         read_som(path)
     som, drafted = load(args.som), load(copy)

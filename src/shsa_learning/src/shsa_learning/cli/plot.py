@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Optional, Set, Tuple, Union
 
+from shsa_core.cli._common import say
 from shsa_core.codegen.prediction import predictor
 from shsa_core.errors import ModelError, NoSubstitute
 from shsa_core.model.ontology import Ontology
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
             title += f" and the expected error {expected.rms:.3g}" if expected is not None else ""
     picture = draw(ontology, available, args.output[-3:], derivation, title)
     Path(args.output).write_bytes(picture)
+    say(args.output)
     if none is not None:
         raise none
     return 0

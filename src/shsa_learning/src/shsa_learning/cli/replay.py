@@ -108,11 +108,12 @@ def run(args: argparse.Namespace) -> int:
     summary = _Summary()
     if not args.json:
         say(f"{journal.kind.name}, recorded from {journal.begun}")
-    decisions = []
+    decisions, matched = [], False
     for step in replay(journal):
         moment = summary.add(step)
         if not _wanted(args, journal, step, moment):
             continue
+        matched = True
         if args.json:
             decisions.append(_as_dict(journal, step, moment))
         else:
@@ -127,6 +128,8 @@ def run(args: argparse.Namespace) -> int:
         }
         print(json.dumps(document, indent=2))
     else:
+        if args.only is not None and not matched:
+            say(f"no decision that is asked for names {args.only}")
         say(f"end: {journal.end}")
         say("\n".join(summary.lines()))
     return 1 if any(summary.problems.values()) else 0

@@ -5,7 +5,7 @@ import os
 import sys
 from typing import Any
 
-from shsa_core.cli._common import say
+from shsa_core.cli._common import ros_namespace, say
 from shsa_core.errors import ShsaError
 from shsa_view.glance import Look, lines
 
@@ -27,7 +27,11 @@ def add_parser(subparsers: Any) -> None:
         "--som", metavar="FILE", default="", help="instead of what lies on the parameter server"
     )
     parser.add_argument(
-        "--namespace", metavar="NAME", default="", help="where healing runs (ROS_NAMESPACE, or /)"
+        "--namespace",
+        metavar="NAME",
+        type=ros_namespace,
+        default="",
+        help="where healing runs (ROS_NAMESPACE, or /)",
     )
     parser.add_argument("--secret", metavar="FILE", default="", help="the secret of healing")
     parser.add_argument("--once", action="store_true", help="print once, and end")

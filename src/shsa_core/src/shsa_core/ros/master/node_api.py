@@ -14,6 +14,7 @@ import rosgraph
 import rosgraph.network
 import rospy
 
+from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 
 LARGEST_ANSWER_B = 1024 * 1024
@@ -42,7 +43,7 @@ def address(uri: object) -> Address:
     """Return host and port of a node's URI. Raises BadAnswer if it is none."""
     found = URI.fullmatch(uri) if isinstance(uri, str) else None
     if found is None or not 0 < int(found.group(2)) < 65536:
-        raise BadAnswer(f"{_short(uri)} is no address of a node")
+        raise BadAnswer(f"{uri!r:.100} is no address of a node")
     return Address(found.group(1).strip("[]"), int(found.group(2)))
 
 
@@ -60,7 +61,7 @@ def resolved(uri: object) -> Address:
     try:
         found = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
     except UnicodeError as error:
-        raise BadAnswer(f"{_short(uri)} is no address of a node") from error
+        raise BadAnswer(f"{uri!r:.100} is no address of a node") from error
     usual = socket.AF_INET6 if rosgraph.network.use_ipv6() else socket.AF_INET
     best = next((each for each in found if each[0] == usual), found[0])
     return Address(str(best[4][0]), port)
@@ -99,9 +100,9 @@ def ask_timed(uri: str, method: str, *arguments: Any) -> Answer:
     if method == "getBusStats" and is_row and not _is_int(answer[0]):
         answer = 1, "", answer  # roscpp leaves out the status
     if not is_row or len(answer) != 3 or not _is_int(answer[0]):
-        raise BadAnswer(f"{uri} answers {method} with {_short(answer)}")
+        raise BadAnswer(f"{uri} answers {method} with {answer!r:.100}")
     if answer[0] != 1:
-        raise BadAnswer(f"{uri} refuses {method}: {_short(answer[1])}")
+        raise BadAnswer(f"{uri} refuses {method}: {answer[1]!r:.100}")
     return Answer(answer[2], transport.connected, answered)
 
 
@@ -109,7 +110,7 @@ def pid(uri: str) -> int:
     """Return the process that a node says it is. Raises one of FAILURES."""
     number = ask(uri, "getPid")
     if not _is_int(number) or not 0 < number < 2**22 + 1:
-        raise BadAnswer(f"{uri} says that its process is {_short(number)}")
+        raise BadAnswer(f"{uri} says that its process is {number!r:.100}")
     return int(number)
 
 
@@ -117,7 +118,7 @@ def topics(uri: str, method: str = "getPublications") -> Dict[str, str]:
     """Return the topics that a node says it publishes, and their types. Raises one of FAILURES."""
     rows = ask(uri, method)
     if not isinstance(rows, list) or not all(_is_row(row) for row in rows):
-        raise BadAnswer(f"{uri} answers {method} with {_short(rows)}")
+        raise BadAnswer(f"{uri} answers {method} with {rows!r:.100}")
     return dict(rows)
 
 
@@ -131,9 +132,20 @@ def node_api(
     return xmlrpc.client.ServerProxy(uri, transport=_Transport(timeout, largest))
 
 
+def master_uri() -> str:
+    """Return the URI of our master. Raises ShsaError if it is none."""
+    uri = str(rosgraph.get_master_uri())
+    try:
+        address(uri)
+    except BadAnswer:
+        wanted = "http://HOST:PORT, as http://localhost:11311"
+        raise ShsaError(f"ROS_MASTER_URI is {uri!r:.100}: it must be {wanted}") from None
+    return uri
+
+
 def master_api(caller_id: str = "") -> rosgraph.Master:
-    """Return the interface of the master, as us or another; its calls raise one of FAILURES."""
-    master = rosgraph.Master(caller_id or rospy.get_name())
+    """Return the interface of `master_uri`, as us or another; its calls raise one of FAILURES."""
+    master = rosgraph.Master(caller_id or rospy.get_name(), master_uri())
     master.handle = node_api(master.master_uri, *MASTER)
     return master
 
@@ -168,7 +180,7 @@ class _Transport(xmlrpc.client.Transport):
         except FAILURES:
             raise
         except Exception as error:  # what a parser raises at nonsense is of no certain kind
-            raise BadAnswer(f"{_short(host)} answers nonsense: {_short(error)}") from error
+            raise BadAnswer(f"{host!r:.100} answers nonsense: {error!r:.100}") from error
         finally:
             self.close()
 
@@ -218,11 +230,6 @@ def _is_int(value: object) -> bool:
 def _is_row(row: object) -> bool:
     texts: Tuple[object, ...] = tuple(row) if isinstance(row, list) else ()
     return len(texts) == 2 and all(isinstance(text, str) for text in texts)
-
-
-def _short(value: object) -> str:
-    """Return a strange value as it may reach a log."""
-    return repr(value)[:100]
 
 
 COUNTER = 2**32
