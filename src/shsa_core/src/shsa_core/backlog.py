@@ -14,6 +14,10 @@ class Backlog:
         self._age: Optional[float] = None  # of its messages as they come
         self._catches_up = False
         self._until = -inf
+        self.owed = 0.0  # for so long may a silence have held the newest message up
+        self.makes_up = False  # what was held up comes at twice its rate, at least
+        self._due = inf
+        self._ended = self._first_due = self._lapses = -inf
 
     def holds(
         self,
@@ -30,6 +34,7 @@ class Backlog:
         them might be old. What comes old for longer than the silence was is no backlog: a clock
         was set. It may have `waited` for us.
         """
+        self._owe(time, period)
         passed, self._came = time - self._came, time
         began = passed - waited > allowed
         if began:
@@ -43,3 +48,13 @@ class Backlog:
         self._catches_up = False
         self._age = self._age if age is None else age
         return False
+
+    def _owe(self, time: float, period: float) -> None:
+        """Count a message as the next one due in a silence, for as long as that was."""
+        if time >= self._lapses:
+            self._due, self._ended = self._came, time
+            self._lapses = time + (time - self._came)
+            self._first_due = min(time, self._due + period)
+        self._due = min(time, self._due + period)
+        self.owed = time - self._due
+        self.makes_up = time - self._ended <= BURST_PERIODS * (self._due - self._first_due)

@@ -187,6 +187,27 @@ def test_large_messages_that_are_read_together_came_one_after_the_other(pair: Pa
         assert before <= frame.noted <= after
 
 
+class Noting:
+    """A socket that gives one message at a time, and notes when it came."""
+
+    def __init__(self, *moments: int) -> None:
+        self._moments = list(moments)
+
+    def recvmsg(self, size: int, space: int) -> Any:
+        if not self._moments:
+            raise BlockingIOError
+        when = struct.pack("ll", *divmod(self._moments.pop(0), 10**9))
+        data = framed(bytes(size - 4))
+        return data, [(socket.SOL_SOCKET, connection.SO_TIMESTAMPNS, when)], 0, None
+
+
+def test_what_was_noted_came_after_what_was_noted_before_the_part_that_it_may_begin_in() -> None:
+    noting: Any = Noting(3, 5, 5, 9, 9)
+    reader = reading(Wanted())
+    assert reader.read(noting) and not reader.more
+    assert [each[2:] for each in reader.take()] == [(3, 0), (5, 0), (5, 3), (9, 3), (9, 5)]
+
+
 def test_a_message_beyond_all_measure_is_not_told_of(pair: Pair, monkeypatch: Any) -> None:
     monkeypatch.setattr(shell, "LARGEST_MESSAGE_B", 2 * MB)
     for wanted in (Wanted(2 * MB), HEAD):

@@ -54,7 +54,7 @@ class Watched:
         frames = self.connection.frames.take()
         self.copied = sum(len(frame.data) for frame in frames)
         came = [Arrived(AT, self.connection, *frame[:2], round(AT * 1e9)) for frame in frames]
-        return [event_of(each, 0.0, of) for each in came]
+        return [event_of(each, of) for each in came]
 
 
 def test_values_that_somebody_judges_are_read_from_whole_messages() -> None:

@@ -148,6 +148,27 @@ def test_healthy_jittery_and_slow_originals_are_left_alone_or_filled_in_for_each
     assert len(slow.filled) in range(38, 64)  # two or three in each of 20 gaps
 
 
+@pytest.mark.parametrize("apart", [0.0, 0.001])
+def test_who_sends_in_batches_is_not_filled_in_for(apart: float) -> None:
+    batches = Robot()
+    for number in range(50):
+        for turn in range(10):
+            batches.speaks(round(0.2 * number + turn * apart, 9))
+    assert batches.filled == []
+
+
+def test_who_makes_up_for_a_silence_is_filled_in_for_again_once_it_is_steady() -> None:
+    robot = Robot().stream(1.0).to(1.4)
+    bridged = len(robot.filled)
+    for _ in range(20):
+        robot.speaks(1.4)
+    for number in range(7, 20):  # it sends batches from now on
+        robot.to(0.2 * (number + 1)).speaks(0.2 * (number + 1)).speaks(0.2 * (number + 1))
+    assert 16 <= bridged == len(robot.filled)
+    last = robot.stream(5.0).original[-1]
+    assert robot.to(5.2).filled[bridged] == pytest.approx(last + LATE * PERIOD + LOOK, abs=1e-3)
+
+
 def test_nobody_is_filled_in_for_who_was_not_heard_at_a_steady_pace() -> None:
     robot = Robot().stream((STEADY - 1) * PERIOD).to(1.0)
     assert robot.filled == []
@@ -174,7 +195,8 @@ def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> Non
 
 
 def test_at_high_rates_a_connection_that_has_ended_is_bridged_for_a_moment() -> None:
-    robot = Robot(bridges(bridge=0.0025)).stream(1.0, 0.001)
+    robot = Robot(bridges(bridge=0.0025, outputs=(signal("/out", period=0.001),)))
+    robot.stream(1.0, 0.001)
     robot.stands = False
     robot.to(2.0)
     last = robot.original[-1]

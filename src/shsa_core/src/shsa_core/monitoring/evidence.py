@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import ceil, isfinite
 from typing import Deque, Dict, Iterator, List, Mapping, Optional, Set, Tuple
 
+from shsa_core.backlog import Backlog
 from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.expression import Expression
 from shsa_core.language.temporal import Truth
@@ -109,7 +110,7 @@ class _Rate:
         judged = any(check.sample is RateSample for check in service.checks.each)
         self._judged = judged and service.period is not None
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._judged else 0
-        self.times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
+        self.times: Deque[Tuple[float, float, float, float]] = deque(maxlen=count + 1)
 
     @property
     def is_known(self) -> bool:
@@ -132,9 +133,11 @@ class _Rate:
         """True if the rate is too low, or nearly so."""
         return self.is_known and (len(self.times) - 1) * self._period < SLOW_PACE * self.span
 
-    def samples(self, message: Message) -> Iterator[RateSample]:
-        """Yield the mean rate, in doubt for the publisher: it came in the last `waited` s."""
-        self.times.append((message.time - message.waited, message.time, message.apart or 0.0))
+    def samples(self, message: Message, backlog: Backlog) -> Iterator[RateSample]:
+        """Yield the mean rate, in doubt for the publisher: it waited for us, or in a silence."""
+        came, due = message.time - message.waited, message.time - backlog.owed
+        made_up = min(came, due) if backlog.makes_up else came
+        self.times.append((min(came, due), message.time, message.apart or 0.0, made_up))
         if self.is_known:
             yield self.sample(self._period, self._fastest)
 
@@ -147,7 +150,7 @@ class _Rate:
         """Return the rate, to be judged by a period."""
         first, last = self.times[0], self.times[-1]
         longest = last[1] - first[0] + last[2] - first[2]
-        return RateSample(len(self.times) - 1, period, longest, last[0] - first[1], fastest)
+        return RateSample(len(self.times) - 1, period, longest, last[3] - first[1], fastest)
 
 
 class _FormulaRun:
@@ -233,7 +236,7 @@ class Evidence:
         checked = checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
-        self.verdict = Verdict(service.checks)
+        self.verdict, self.backlog = Verdict(service.checks), Backlog()
         self.rate, self.rate_was_good = _Rate(service), False
         self._checks = service.checks.each
         self._values = [_Value(provision, learned) for provision in checked]
@@ -254,7 +257,7 @@ class Evidence:
 
     def take_habits(self, other: "Evidence") -> None:
         """Go on with what another one learned of stamps, forms and the rate of the same node."""
-        self._form = other._form
+        self._form, self.backlog = other._form, other.backlog
         if self.stamps.period == other.stamps.period:
             self.stamps, self.rate_was_good = other.stamps, other.rate_was_good
 
@@ -300,9 +303,9 @@ class Evidence:
             yield formula.look(message, values)
         if message.error:
             yield Finding(Kind.NOT_A_NUMBER, message.error)
-        for sample in (*self.stamps.samples(message), *self._form.samples(message)):
+        for sample in (*self.stamps.samples(message, self.backlog), *self._form.samples(message)):
             yield judge(self._checks, sample)
-        for rate in self.rate.samples(message):
+        for rate in self.rate.samples(message, self.backlog):
             if not self.rate_was_good:
                 sure = self.rate.beyond_doubt(rate)
                 self.rate_was_good = judge(self._checks, sure) is None

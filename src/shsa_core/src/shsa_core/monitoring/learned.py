@@ -5,7 +5,7 @@ from math import ceil, inf, log
 from statistics import median
 from typing import Deque, Dict, Iterator, List, Optional
 
-from shsa_core.backlog import BURST_PERIODS
+from shsa_core.backlog import BURST_PERIODS, Backlog
 from shsa_core.derivations.settings import REFRESH_S
 from shsa_core.model.samples import FormSample, Hold, Part, StampSample
 from shsa_core.monitoring import settings
@@ -35,15 +35,16 @@ class StampAges:
         self._grew = 0.0  # when a newer stamp came last
         self._growing = 0.0  # so many were newer than the one before, -inf: not always
 
-    def samples(self, message: Message) -> Iterator[StampSample]:
-        """Yield what is to be judged of a message."""
+    def samples(self, message: Message, backlog: Backlog) -> Iterator[StampSample]:
+        """Yield what is to be judged of a message; what a silence held up may be as much older."""
         if message.age is None:
             return
         sample = StampSample(message.age, message.waited)
         if message.apart is None and self._usual is not None:
             always = self._growing >= settings.LEARN_MESSAGES
             again = always and not self._grows(message.stamp) and self._stands(message.time)
-            sample = StampSample(message.age, message.waited, self._usual, self._allowed, again)
+            allowed = self._allowed + (backlog.owed if backlog.makes_up else 0.0)
+            sample = StampSample(message.age, message.waited, self._usual, allowed, again)
         yield sample
 
     def heard(self, message: Message, good: bool) -> None:

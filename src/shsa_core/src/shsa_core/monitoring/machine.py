@@ -212,9 +212,9 @@ class Monitor:
         if previous is None or excused:
             self._board.look_when_due(publisher)
         publisher.watched.come()
-        period = publisher.service.period or 0.0
+        period, backlog = publisher.service.period or 0.0, publisher.evidence.backlog
         allowed = publisher.allowed if period else inf
-        if publisher.backlog.holds(event.time, event.age, allowed, event.waited, period):
+        if backlog.holds(event.time, event.age, allowed, event.waited, period):
             return
         good = self._judgement.message(publisher, event, previous)
         if good and teaches and previous is not None:

@@ -76,7 +76,6 @@ class Publisher:
     reconnects_until: float = -inf  # by then a lost connection is given anew; -inf: none was
     steady: bool = False  # a message came within its deadline once
     intruding_since: float = inf
-    backlog: Backlog = field(default_factory=Backlog)
     suspicions: Dict[str, Suspicion] = field(default_factory=dict)  # by property
     logged: Set[str] = field(default_factory=set)  # what people were told of it
     uri: str = ""  # of its process
@@ -170,7 +169,7 @@ class Publisher:
         self.become(time, PublisherState.UNKNOWN)
         self.begin_anew()
         self.first_message = self.last_heard = self.silent_since = None
-        self.backlog = Backlog()
+        self.evidence.backlog = Backlog()
 
     def note_message(self, message: Message) -> None:
         """Count a message."""

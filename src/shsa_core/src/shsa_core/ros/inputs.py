@@ -129,7 +129,7 @@ class Inputs:
 
     def _other(self, arrived: Arrived) -> List[Event]:
         """Keep what somebody else has published on a topic that is overheard."""
-        time, connection, data, _, ros_time = arrived
+        time, connection, data, _, ros_time, _ = arrived
         topic = connection.topic
         decoder = connection.decoder(self._types[topic], self._fields.get(topic, ()))
         if decoder is None:
@@ -141,7 +141,7 @@ class Inputs:
 
     def _input(self, arrived: Arrived) -> List[Event]:
         """Read the fields of a message; none if it cannot be read, and a warning."""
-        time, connection, data, _, ros_time = arrived
+        time, connection, data, _, ros_time, _ = arrived
         topic, publisher = connection.topic, connection.publisher
         fields = self._fields[topic]
         decoder = connection.decoder(self._types[topic], fields)

@@ -119,8 +119,7 @@ class MonitorNode:
         if self._to_watch:
             wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
-        woke = clock.now()
-        rest = min(self._looked + settings.REST_S, wanted) - woke
+        rest = min(self._looked + settings.REST_S, wanted) - clock.now()
         if rest > 0.0:
             self._inbox.rest(rest)
         items = self._inbox.take()
@@ -134,7 +133,7 @@ class MonitorNode:
             self._companion.beat()  # who has much to catch up with does not hang
             if isinstance(happening, events.Tick):
                 self._looked = happening.time
-                happening = events.Tick(happening.time, max(0.0, woke - wanted))
+                happening = events.Tick(happening.time, max(0.0, happening.time - wanted))
             guarded("The monitor", self._happened, happening)
         self._tell_changes()
         self._subscribe_next()
@@ -171,12 +170,12 @@ class MonitorNode:
                 self._launches.learn(happening.publisher)
 
     def _arrived(self, arrived: subscriptions.Arrived) -> None:
-        time, connection, data, whole, _ = arrived
+        time, connection, data, whole = arrived[:4]
         service = self._core.service_of(connection.topic, connection.publisher)
         if service is not None and service.needed is not False and whole:
             if connection.header["type"] == service.type:
                 self._last_messages.keep(time, connection.topic, connection.publisher, data)
-        self._feed(event_of(arrived, self._subscriptions.waited(time), service))
+        self._feed(event_of(arrived, service))
 
     def _feed(self, event: events.Event) -> None:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before

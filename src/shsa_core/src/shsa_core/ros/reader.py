@@ -24,15 +24,13 @@ class _Needs(NamedTuple):
     header: bool = False
 
 
-def event_of(
-    arrived: Arrived, waited: float, service: Optional[Service], unjudged: Wanted = HEAD
-) -> Message:
+def event_of(arrived: Arrived, service: Optional[Service], unjudged: Wanted = HEAD) -> Message:
     """Return the event that a message makes, read as the service needs it that it is judged by.
 
-    It may have `waited` for us for so many s. `unjudged`: what is wanted of messages of which no
-    value is judged. What was not copied is not judged.
+    `unjudged`: what is wanted of messages of which no value is judged. What was not copied is not
+    judged.
     """
-    time, connection, data, whole, ros_time = arrived
+    time, connection, data, whole, ros_time, waited = arrived
     needs: Optional[_Needs] = connection.needs
     if needs is None or (needs.service is not service and needs.service != service):
         needs = connection.needs = _needs(connection, service)

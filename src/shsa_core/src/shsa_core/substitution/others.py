@@ -7,6 +7,7 @@ or where there is none, as without a monitor, the substitute fills in for a node
 import math
 from typing import Callable, List, Optional, Tuple
 
+from shsa_core.backlog import BURST_PERIODS
 from shsa_core.model.kinds import OnPartition
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
@@ -34,9 +35,10 @@ class OtherPublishers:
         self.cut = False  # the reconfigurator is out of reach
         self._publishing = self._yields = False
         self._deadline = math.inf
-        self._steady = 0  # messages in a row that were not late
+        self._steady = 0  # times in a row that messages came, and were not late
         self._longest = self._gap = 0.0  # silences: of late, and before those that came last
-        self._came = 1  # messages at once
+        self._came, self._at_once = 1, 0.0  # messages at once, and what is less between them
+        self._was_late = False  # it looked, and nothing had come
         self._read = sources()  # when they were heard
         self._awaited: Optional[LookAtOthers] = None
         self._look = math.inf
@@ -60,6 +62,7 @@ class OtherPublishers:
         deadline = row.outputs[0].deadline if row.outputs and listens else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
+        self._at_once = BURST_PERIODS * (row.outputs[0].period or 0.0) if row.outputs else 0.0
 
     def forget(self) -> None:
         """Fill in for nobody until a row says so, and somebody was heard at a steady pace."""
@@ -95,13 +98,16 @@ class OtherPublishers:
 
     def _note_pace(self, passed: float) -> None:
         """Note the silence before a message; of some that came at once, each had its share."""
+        if passed <= self._at_once:
+            self._came += 1
+            if self._was_late:  # it makes up for that, as who sends in batches always does
+                self._steady = 0
+            return
+        self._was_late = self.original.late
         if self._steady < STEADY and passed >= self.bridge:
             self._steady, self._longest, self._gap = 0, 0.0, 0.0
             return
         self._steady = min(self._steady + 1, STEADY)
-        if passed == 0.0:
-            self._came += 1
-            return
         before = min(self._gap / self._came, self.bridge / LATE)
         self._longest = max(self._longest * FADES**self._came, before)
         self._gap, self._came = passed, 1

@@ -83,10 +83,10 @@ class GateNode:
                 self._feed(happening)
 
     def _arrived(self, arrived: Arrived, newest: bool) -> None:
-        time, connection, data, _, _ = arrived
+        connection, data = arrived.connection, arrived.data
         overheard = connection.topic == self._service.heard
         judged = None if overheard else self._core.service_of(connection.publisher)
-        message = event_of(arrived, self._subscriptions.waited(time), judged, ALL)
+        message = event_of(arrived, judged, ALL)
         sent, error = connection.header, message.error
         if (sent["type"], sent["md5sum"]) != (self._kind._type, self._kind._md5sum):
             ours = self._kind._type

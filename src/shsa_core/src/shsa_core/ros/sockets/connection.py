@@ -40,6 +40,7 @@ class Connection:
         self.is_known = self.is_large = False
         self.wakes = True
         self.frames = Frames()
+        self.emptied: Optional[Moment] = None  # by then all was read that had come; None: it is
         self.expects = 1
         """Bytes that come before the kernel wakes who waits for it; 1: each does."""
         self.needs: Any = None  # by whoever reads its messages
@@ -90,11 +91,15 @@ class Wanted(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A message; `whole`: its data is all of it; `noted`: when what was copied had come."""
+    """A message; `whole`: its data is all of it; `noted`: when what was copied had come.
+
+    That is when the newest came of what the kernel keeps together, the oldest after `former`.
+    """
 
     data: bytes
     whole: bool
     noted: int = 0
+    former: int = 0
 
 
 class Frames:
@@ -102,13 +107,13 @@ class Frames:
 
     def __init__(self) -> None:
         self.wanted = Wanted()
-        self._noted = 0
+        self._noted = self._former = self._begun = 0  # the last notes that differ
         self._buffer = bytearray()
         self._found: List[Frame] = []
         self._rest = 0  # bytes of a message that are still to come, and are not wanted
         self._cut: Optional[Frame] = None  # what is told of that message once it has come
         self._large = False  # the last message was one to drop
-        self._more = False  # there was more to be read than our share of a turn
+        self.more = False  # there was more to be read than our share of a turn
 
     def __len__(self) -> int:
         return len(self._buffer)
@@ -116,12 +121,12 @@ class Frames:
     @property
     def expected(self) -> int:
         """Return how many bytes probably come before anybody need look; 1: look at each."""
-        dropping = self._large and not self._buffer and not self._more
+        dropping = self._large and not self._buffer and not self.more
         return settings.EXPECTED_B if dropping else 1
 
     def read(self, connected: socket.socket) -> bool:
         """Read a bounded part of what has come; False: the other end has closed. Raises OSError."""
-        self._more = False
+        self.more = False
         for _ in range(settings.READS_A_TURN):
             try:
                 if self._rest >= settings.READ_B:
@@ -133,7 +138,10 @@ class Frames:
                     size = settings.SHORT_READ_B if short else settings.READ_B
                     data, extra, _, _ = connected.recvmsg(size, SPACE)
                     count = len(data)
-                    self._noted = noted_in(extra) if count else self._noted
+                    noted = noted_in(extra) if count else self._noted
+                    self._begun = self._former  # it may begin with the rest of what is noted so
+                    if noted != self._noted:
+                        self._former, self._noted = self._noted, noted
                     self.add(data)
             except BlockingIOError:
                 return True
@@ -141,7 +149,7 @@ class Frames:
                 return False
             if count < size:
                 return True
-        self._more = True
+        self.more = True
         return True
 
     def add(self, data: bytes) -> None:
@@ -162,7 +170,7 @@ class Frames:
             begin, end = start + LENGTH.size, start + LENGTH.size + kept
             if len(buffer) < end:
                 break
-            frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted)
+            frame = Frame(bytes(buffer[begin:end]), kept == size, self._noted, self._begun)
             start, self._rest = end, size - kept
             self._large = self._rest >= settings.READ_B
             if not self._rest:
@@ -220,13 +228,13 @@ class ArrivalTimes:
         self.before, self.looked = self.looked, self._moment()
         return self.looked
 
-    def of(self, noted: int, read: float) -> Tuple[float, int]:
+    def of(self, noted: int, read: float, before: Moment) -> Tuple[float, int]:
         """Return the robot's time in s and ROS time in ns when something had come.
 
-        `noted`: by the kernel; 0: at the last look. It had not come before the look before, nor
+        `noted`: by the kernel; 0: at the last look. It had not come `before` all was read last, nor
         after it was `read`, by the monotonic clock: the wall clock may have been set.
         """
-        before, looked = self.before, self.looked
+        looked = self.looked
         ago, span = (looked.wall - noted) / 1e9 if noted else 0.0, looked.here - before.here
         if ago < 0.0:
             return self.at(min(looked.here - ago, read))

@@ -86,6 +86,7 @@ class Arrived(NamedTuple):
     data: bytes
     whole: bool
     ros_time: int
+    waited: float = 0.0  # for us, s at most
 
 
 Happening = Union[Connected, Interrupted, Disconnected, Arrived, Tick]
@@ -146,10 +147,6 @@ class Subscriptions:
         """Return who publishes a topic, by the connections that stand."""
         standing = self._standing.values()
         return {each.publisher for each in standing if each.topic == topic and each.is_known}
-
-    def waited(self, time: float) -> float:
-        """Return for how long in s what came at `time` may have waited: since the look before."""
-        return time - self._times.before.time
 
     def read(self, since: float = float("-inf")) -> List[Happening]:
         """Return what has happened and come, in order; none before `since`. Take `inbox` before."""
@@ -234,10 +231,15 @@ class Subscriptions:
                 continue
             stands, read = connection.read(), clock.now()
             self._time, _ = self._times.at(read)
-            for data, whole, noted in connection.frames.take():
+            times, before = self._times, connection.emptied or self._times.before
+            connection.emptied = before if connection.frames.more else None
+            for data, whole, noted, former in connection.frames.take():
                 if connection.is_known:
-                    time, ros_time = self._times.of(noted, read)
-                    yield Arrived(max(since, time), connection, data, whole, ros_time)
+                    time, ros_time = times.of(noted, read, before)
+                    alone = former <= before.wall  # of what came since all was read
+                    first = before.time if alone else times.of(former, read, before)[0]
+                    time, first = max(since, time), min(first, time)
+                    yield Arrived(time, connection, data, whole, ros_time, time - first)
                 else:
                     self._newest[connection] = data
             if not stands:
