@@ -210,8 +210,8 @@ class ServiceMachine:
         """Go on by how the kill of the faulty node has ended."""
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
-        if kill.outcome is Outcome.SPARED:
-            return self.step()
+        if kill.outcome is Outcome.SPARED:  # it may be killed for its silence
+            return [*self.judge(self.accusation, self.substitute.plan), *self.step()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
