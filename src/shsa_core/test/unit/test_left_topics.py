@@ -1,4 +1,5 @@
 """A node that lives is not ended for leaving its topic, or for taking its time to shut down."""
+from dataclasses import replace
 from typing import List
 
 import pytest
@@ -7,7 +8,7 @@ from core_robot import A, SOM, Robot, changed, has, last_incident, only, publish
 from shsa_core.healing import events
 from shsa_core.healing.events import AskToLeave, EndProcess, FindNode, NodeFound, Where
 from shsa_core.healing.incident import State
-from shsa_core.model.kinds import Contain, Policy
+from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.log import Level
 
 
@@ -49,3 +50,21 @@ def test_one_that_the_som_contains_is_ended_as_its_substitute_publishes() -> Non
     said = robot.table(10.1)
     assert only(said, FindNode).node == A
     assert logged(said, "is killed: the SOM says so")
+
+
+@pytest.mark.parametrize("uri, killed", [("http://here:1/", True), ("http://here:2/", False)])
+def test_a_process_that_was_good_is_killed_and_its_successor_starts_clean(
+    uri: str, killed: bool
+) -> None:
+    """As one that says what is not a number while it warms up."""
+    robot = Robot()
+    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
+    robot.table(2.0)
+    robot.row("/a", A, "failed", 10.0)
+    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None, "uri": uri}
+    robot.rows["/a", A] = replace(robot.rows["/a", A], **wrong)
+    assert has(robot.table(10.0), FindNode) is killed
+    assert logged(robot.said, "is killed: " if killed else "was never good: it may not be ready")
+    if not killed:
+        robot.row("/a", A, "healthy", 12.0)
+        assert last_incident(robot.table(12.0)).state is State.RETURNING
