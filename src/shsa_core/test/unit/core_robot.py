@@ -1,6 +1,6 @@
 """A reconfigurator between a table that the test writes and the commands that it gives."""
 from dataclasses import replace
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Type, TypeVar, Union
+from typing import Any, Dict, List, Optional, Sequence, Set, Tuple, Type, TypeVar, Union
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
@@ -71,6 +71,7 @@ class Robot:
         self.rows: Dict[Tuple[str, str], PublisherHealth] = {}
         self.said: List[events.Command] = []
         self.written: Dict[str, Record] = {}
+        self.gone: Set[str] = set()
         self.shown: Dict[str, Substitution] = {}
         for each in som:
             self.row(each.topic, each.node, "healthy", 0.0)
@@ -99,6 +100,7 @@ class Robot:
         self, topic: str, node: str, time: float, kind: str, detail: str, last_good: Optional[float]
     ) -> List[events.Command]:
         """The monitor reports a failure."""
+        (self.gone.add if kind == "node_gone" else self.gone.discard)(node)
         return self.handle(events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good))
 
     def fail(
@@ -109,9 +111,10 @@ class Robot:
         return self.failure(topic, node, time, kind, "it died.", time - 0.02)
 
     def killed(self, time: float, node: str, certain: bool = True) -> List[events.Command]:
-        """The kill of a node is over."""
+        """The kill of a node is over; one that was gone had died."""
         if certain:
-            commands = self.handle(events.NodeFound(time, node, events.Where.HERE, rate=0.0))
+            where = events.Where.DEAD if node in self.gone else events.Where.HERE
+            commands = self.handle(events.NodeFound(time, node, where, rate=0.0))
             return commands + self.handle(events.NodeLeft(time, node))
         commands = self.handle(events.NodeFound(time, node, events.Where.STOPPED))
         return commands + self.handle(events.ProcessUntouchable(time, node))

@@ -35,19 +35,22 @@ class Server(SimpleXMLRPCServer):
 class Node:
     """A publisher in plain sockets that does as it is told.
 
-    `offers`: it agrees to publish; `answers`: at all; `drops`: so many connections are closed
-    before their header, and then `refuses` so many with an error. `listed`: its name at the master,
-    which knows it by no other; empty: none.
+    `offers`: it agrees to publish; `others`: what else it does; `answers`: at all; `drops`: so many
+    connections are closed before their header, and then `refuses` so many with an error. `listed`:
+    its name at the master, which knows it by no other; empty: none.
     """
 
     def __init__(self, topic: str, name: str = "/node", listed: str = "/node") -> None:
         self.topic, self.name = topic, name
         self.offers, self.answers, self.drops, self.refuses = True, True, 0, 0
+        self.others: List[Tuple[str, str]] = []
         self.asked = 0
         self.connections: List[socket.socket] = []
         self._data = socket.create_server((HOST, 0))
         self.api = Server((HOST, 0), logRequests=False)
         self.api.register_function(self.request, "requestTopic")  # type: ignore[arg-type]
+        offered = lambda _caller: [1, "", self.others]
+        self.api.register_function(offered, "getPublications")  # type: ignore[arg-type]
         self.uri = f"http://{HOST}:{self.api.server_address[1]}"
         if listed:
             LISTED[listed] = self.uri

@@ -96,15 +96,6 @@ def test_a_node_that_was_never_good_is_kept_though_it_could_be_replaced() -> Non
     assert last_incident(robot.back(12.0)).state is State.RETURNING
 
 
-def test_a_node_that_was_good_once_is_killed_though_it_is_started_again_and_never_good() -> None:
-    robot = never_good()
-    robot.back(9.0)
-    robot.rows.pop(("/a", A))
-    robot.table(9.5)
-    commands = robot.failure("/a", A, 10.0, "not_a_number", "a is nan.", None)
-    assert only(commands, events.FindNode).node == A
-
-
 @pytest.mark.parametrize(
     "kind, values, killed",
     [("out_of_range", 1, True), ("out_of_range", 2, False), ("rate_high", 1, False)],

@@ -56,10 +56,9 @@ def parts(said: Sequence[Said]) -> Parts:
     return [each for each in said if each not in over], over[0] if over else None
 
 
-def begun(urgent: bool = True, quick: bool = False) -> Killing:
+def begun(quick: bool = False) -> Killing:
     kills = Killing()
-    order = KillNode(N, urgent=urgent, quick=quick)
-    assert kills.begin(10.0, order) == [FindNode(N, successor=urgent, spares=not quick)]
+    assert kills.begin(10.0, KillNode(N, quick=quick)) == [FindNode(N, spares=not quick)]
     assert kills.nodes == {N}
     return kills
 
@@ -183,28 +182,26 @@ def test_what_comes_late_changes_nothing() -> None:
 @pytest.mark.parametrize("where", [Where.HERE, Where.STOPPED, Where.ELSEWHERE])
 def test_a_node_that_is_to_be_cleared_if_it_is_dead_is_spared_if_it_is_not(where: Where) -> None:
     kills = Killing()
-    assert kills.begin(10.0, KillNode(N, urgent=False, if_dead=True)) == [
-        FindNode(N, successor=False)
-    ]
+    assert kills.begin(10.0, KillNode(N, if_dead=True)) == [FindNode(N, successor=False)]
     assert kills.told(NodeFound(10.1, N, where)) == ([], KillOver(10.1, N, Outcome.SPARED))
     assert not kills.nodes and kills.agenda.next() == inf
 
 
 def test_a_dead_node_is_cleared_even_if_it_is_to_be_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
+    kills.begin(10.0, KillNode(N, if_dead=True))
     commands, over = kills.told(NodeFound(10.1, N, Where.DEAD))
     assert commands == [ClearNode(N)] and over and over.outcome is Outcome.GONE
 
 
 def test_a_node_that_cannot_be_found_in_time_is_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
+    kills.begin(10.0, KillNode(N, if_dead=True))
     assert kills.passed(12.0) == ([], KillOver(12.0, N, Outcome.SPARED))
 
 
 def test_a_node_that_is_to_be_killed_after_all_is_not_spared() -> None:
     kills = Killing()
-    kills.begin(10.0, KillNode(N, urgent=False, if_dead=True))
+    kills.begin(10.0, KillNode(N, if_dead=True))
     assert kills.begin(10.01, KillNode(N)) == []
     assert found(kills, Where.HERE) == [AskToLeave(N)]

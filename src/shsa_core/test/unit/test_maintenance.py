@@ -99,7 +99,7 @@ def test_a_substitute_that_died_is_replaced_when_it_is_over() -> None:
 
 def test_a_kill_that_is_under_way_goes_no_further() -> None:
     robot = Robot()
-    robot.fail("/a", A, 10.0)
+    robot.fail("/a", A, 10.0, "out_of_range")
     begin(robot, 10.01)
     assert robot.handle(events.NodeFound(10.02, A, events.Where.HERE, rate=0.0)) == []
     assert robot.handle(events.Tick(60.0)) == []

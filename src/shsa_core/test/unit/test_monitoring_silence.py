@@ -8,7 +8,7 @@ from shsa_core.model.kinds import Kind
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.alibis import ROWS, Case, Row, decide
-from shsa_core.monitoring.events import ClockTicked
+from shsa_core.monitoring.events import ClockTicked, Disconnected
 from shsa_core.monitoring.settings import RECONNECT_S, Settings
 
 NODES = ("/one", "/two", "/three", "/four")
@@ -377,3 +377,12 @@ def test_who_hangs_while_the_computer_is_short_of_processor_time_is_found(bench:
     short_of_time(bench, 4 * DEADLINE, 0.9)
     assert bench.kinds() == [(NODE, "silent")]
     assert 1.9 * DEADLINE <= bench.failures[0].since - since <= 2.1 * DEADLINE
+
+
+def test_a_node_that_lives_and_left_its_topic_is_silent_at_once(bench: Bench) -> None:
+    bench.send(Disconnected(bench.now, TOPIC, NODE, certain=False, left=True))
+    assert bench.kinds() == [(NODE, "silent")] and bench.failures[0].since == bench.now
+    assert "its node lives, and publishes it no more" in bench.failures[0].detail
+    bench.wait(0.1)
+    bench.disconnect()
+    assert bench.rows[TOPIC, NODE].kind == "node_gone", "it has ended"

@@ -223,7 +223,7 @@ def test_an_event_driven_node_that_nobody_has_met_is_looked_for_and_started() ->
 
 def test_a_node_that_may_still_run_is_not_started_a_second_time() -> None:
     robot = Robot(som("restart"))
-    robot.fail("/a", A, 10.0)
+    robot.fail("/a", A, 10.0, "out_of_range")
     commands = robot.killed(10.1, A, certain=False)
     assert last_incident(commands).state is State.UNHEALED
     assert not has(robot.handle(events.Tick(60.0)), events.RestartNode)

@@ -107,12 +107,41 @@ def test_a_node_that_never_lets_it_stand_is_asked_a_few_times(monitor: Monitor, 
     assert monitor.seen == [] and node.asked == settings.TRIES
 
 
-def test_a_node_that_offers_the_topic_no_more_is_gone(monitor: Monitor, node: Node) -> None:
+def test_a_node_that_offers_no_topic_any_more_is_gone(monitor: Monitor, node: Node) -> None:
+    """As one that shuts down, and listens still."""
     monitor.connect(node)
     node.offers = False
     node.close_connections()
     monitor.until(lambda: "Disconnected" in monitor.kinds())
     assert monitor.kinds() == ["Interrupted", "Disconnected"]
+    assert monitor.seen[-1].certain
+
+
+@pytest.mark.parametrize("returns", [True, False])
+def test_a_node_that_lives_has_left_the_topic_that_it_offers_no_more(
+    monitor: Monitor, node: Node, monkeypatch: Any, returns: bool
+) -> None:
+    """As between `unregister` and the next `Publisher` of that topic."""
+    monkeypatch.setattr(settings, "FIRST_PAUSE_S", 0.1)
+    monitor.connect(node)
+    node.offers, node.others = False, [("/rosout", "rosgraph_msgs/Log")]
+    begun = time.monotonic()
+    node.close_connections()
+    monitor.until(lambda: "Disconnected" in monitor.kinds())
+    assert time.monotonic() - begun < 0.5 * settings.CALL_S
+    asked = node.asked
+    monitor.until(lambda: node.asked >= asked + 2)  # it is looked at again
+    assert monitor.kinds() == ["Interrupted", "Disconnected"]
+    left = monitor.seen[-1]
+    assert left.left and not left.certain
+    if returns:
+        node.offers = True
+        monitor.until(lambda: monitor.kinds()[2:] == ["Connected"])
+    else:
+        node.die()
+        monitor.until(lambda: monitor.kinds()[2:] == ["Disconnected"])
+        assert monitor.seen[-1].certain
+    assert not monitor.connections._reconnection._doubts
 
 
 def test_a_node_that_says_nothing_is_gone_after_a_while(monitor: Monitor, node: Node) -> None:

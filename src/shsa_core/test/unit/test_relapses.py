@@ -1,5 +1,6 @@
 """A node that fails again soon after its return: a longer hold-off, and kept out in the end."""
 from dataclasses import replace
+from typing import List
 
 import pytest
 
@@ -46,18 +47,20 @@ def test_where_relapses_do_not_count_the_hold_off_stays_as_it_is() -> None:
         robot.killed(time + 1.01, A)
 
 
-def flap(robot: Robot, time: float) -> None:
+def flap(robot: Robot, time: float) -> List[str]:
+    """Return what is said of it as the node is gone again."""
     robot.back(time)
     robot.fail("/a", A, time + 1.0)
-    robot.killed(time + 1.01, A)
+    said = robot.killed(time + 1.01, A)
+    return [each.text for each in said if isinstance(each, events.Log)]
 
 
 def test_an_original_that_keeps_failing_is_kept_out_until_it_is_released() -> None:
     robot = Robot(switches=2)
     robot.heal(10.0)
-    flap(robot, 20.0)
-    assert not last_incident(robot.said).kept_out
-    flap(robot, 30.0)
+    assert flap(robot, 20.0) == [] and not last_incident(robot.said).kept_out
+    (text,) = flap(robot, 30.0)
+    assert "/a_node keeps failing, and is kept out. Repair it, and restart healing or, with" in text
     assert last_incident(robot.said).kept_out
     commands = robot.back(40.0)
     assert only(commands, events.FindNode) == events.FindNode(A, topic="/a")
@@ -194,3 +197,14 @@ def test_who_is_kept_out_and_may_bring_what_nothing_else_gives_is_let_in() -> No
     robot.row("/a", A, "unknown", 30.0)
     assert not has(robot.table(30.0), events.FindNode)
     assert last_incident(robot.back(30.1)).state is State.RETURNING
+
+
+def test_one_that_still_runs_is_not_called_kept_out() -> None:
+    """It takes its time to shut down, and its successor returns."""
+    robot = Robot(switches=1)
+    robot.heal(10.0)
+    robot.back(20.0)
+    robot.fail("/a", A, 21.0)
+    robot.handle(events.NodeFound(22.0, A, events.Where.ANOTHER, "it closed its address"))
+    assert not any("kept out" in e.text for e in robot.said if isinstance(e, events.Log))
+    assert last_incident(robot.back(23.0)).state is State.RETURNING

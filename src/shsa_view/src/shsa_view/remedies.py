@@ -43,7 +43,7 @@ def _told(
     gone = incident is None or incident.kind in ENDED or incident.killed is not None
     if incident is not None and incident.kept_out:
         release = f"rosservice call {namespace}shsa/release {shlex.quote(service.topic)}"
-        yield f"{node} is kept out. Repair it, and release it:", release
+        yield f"{node} is kept out. Repair it and restart healing, or, by operator:=true:", release
     if not gone:
         yield f"End {node}, if it does not recover:", f"rosnode kill {shlex.quote(node)}"
     if command:

@@ -107,7 +107,7 @@ def test_why_and_what_to_do_about_a_wrong_value() -> None:
     view.handle(facts.IncidentTold(incident(State.KEPT, kept_out=True, **told)))
     assert row(view)["why"] == EVIDENCE
     texts = {each["text"]: each["command"] for each in row(view)["remedies"]}
-    assert texts["/ammeter is kept out. Repair it, and release it:"] == (
+    assert texts["/ammeter is kept out. Repair it and restart healing, or, by operator:=true:"] == (
         "rosservice call /shsa/release /current"
     )
     assert texts["End /ammeter, if it does not recover:"] == "rosnode kill /ammeter"

@@ -21,8 +21,8 @@ class Charge:
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
     lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
     `useful`: what it publishes well, on the failed topic too.
-    `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
-    the consumers of that topic. `elsewhere`: it is on another computer than healing.
+    `was_good`: its process has published the failed topic well before. `gated`: a gate stands
+    between it and the consumers of that topic. `elsewhere`: it is on another computer than healing.
     """
 
     node: str
@@ -70,10 +70,11 @@ def decide(charge: Charge) -> Verdict:
     if charge.restarted:
         until = " if it stays silent" if silent else ""
         return Verdict(True, f"{killed}{until}: its policy is to start it again")
-    if silent:
-        # Hung or slow, nobody can tell; a substitute that fills in yields once it speaks.
+    if silent or gone:
+        # Hung or slow, nobody can tell; a substitute that fills in yields once it speaks. One that
+        # has gone and still runs, as it shuts down, is silent as well.
         return Verdict(False, f"{kept}: it may speak again, and ending it would gain nothing")
-    if charge.gated and charge.kind not in (Kind.NODE_GONE, Kind.REQUESTED):
+    if charge.gated and charge.kind is not Kind.REQUESTED:
         return Verdict(False, f"{kept}: a gate keeps from consumers what it publishes on {topic}")
     if charge.costs:
         lost = f"killing it would cost {_enumerated(charge.costs)}, which nothing can replace"
@@ -87,7 +88,7 @@ def decide(charge: Charge) -> Verdict:
     if charge.replaced:
         return Verdict(True, f"{killed}: what is needed of it is taken over")
     nothing = f"nothing can replace {topic}"
-    if charge.kind in (Kind.NODE_GONE, Kind.REQUESTED):
+    if charge.kind is Kind.REQUESTED:
         return Verdict(False, f"{kept}: {nothing}")
     if charge.useful:
         well = f"it still publishes {_enumerated(charge.useful)}"
@@ -127,7 +128,7 @@ class Stakes:
             tuple(sorted(self._costs(service, node, published))),
             self._health.duties.get(node, ()),
             tuple(sorted(useful)),
-            (service.topic, node) in self._health.templates,
+            self._health.was_good((service.topic, node)),
             service.gated,
             bool(self._robot.host_of(node)),
         )

@@ -48,6 +48,7 @@ class Health:
         self.verified: Set[str] = set()
         self.startable: Set[str] = set()
         self.templates: Dict[Key, bytes] = {}
+        self._lives: Dict[Key, str] = {}  # the address of the process that was well last
         self.consumers: Dict[str, Tuple[str, ...]] = {}
         self.due = inf
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
@@ -68,6 +69,12 @@ class Health:
         """Tell that a publisher of a topic does well."""
         row = self.row(key)
         return row is not None and row.is_well
+
+    def was_good(self, key: Key) -> bool:
+        """Tell that the process that publishes a topic has published it well; not a former one."""
+        row = self.row(key)
+        life = row.uri if row else ""
+        return key in self.templates and (not life or self._lives.get(key, "") in ("", life))
 
     @property
     def doomed(self) -> Set[str]:
@@ -149,6 +156,7 @@ class Health:
             self.topics.setdefault(node, {})[topic] = None
         if row.is_well or row.last_good is not None:
             self.templates.setdefault(row.key, b"")
+            self._lives[row.key] = row.uri
         if row.is_well and row.last_message:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
@@ -172,7 +180,8 @@ class Health:
             self.topics.pop(node, None)
             self.verified.discard(node)
         if node in self.substitutes:
-            self.templates.pop(key, None)  # its name is not used again
+            self._lives.pop(key, None)  # its name is not used again
+            self.templates.pop(key, None)
 
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""

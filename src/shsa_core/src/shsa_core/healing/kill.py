@@ -22,7 +22,7 @@ PASSES = "and that may pass"
 class KillNode:
     """Kill a node for certain.
 
-    `urgent`: it may still publish. `if_dead`: only clear what it left if it is dead, else spare it.
+    `if_dead`: only clear what it left if it is dead, else spare it.
     `topic`: what it failed on; a node that does not publish that is spared. Empty: a substitute of
     ours. `at_once`: it is not asked to leave first, as it has only just come up. `only_here`: one
     on another computer is left alone. `period`: its failure may be one of the link to its computer,
@@ -32,7 +32,6 @@ class KillNode:
 
     node: str
     topic: str = ""
-    urgent: bool = True
     if_dead: bool = False
     at_once: bool = False
     only_here: bool = False
@@ -285,7 +284,7 @@ class Kills:
         self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
         row = self._health.rows.get(topic, {}).get(node)
         uri, spares = row.uri if row else "", not kill.order.quick
-        return events.FindNode(node, kill.order.urgent, topic, kill.listen, uri, spares)
+        return events.FindNode(node, not kill.order.if_dead, topic, kill.listen, uri, spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False

@@ -166,9 +166,9 @@ class Nodes:
         else:
             accusation.fate = Fate.KEPT
             if gone and not was_kept and service.policy is not Policy.ADVISE:
-                clear = KillNode(node, service.topic, urgent=False, if_dead=True)
-                commands += self.kills.order(clear)
-        if accusation.decision != before and not gone and service.policy is not Policy.ADVISE:
+                commands += self.kills.order(self._order(service, accusation))
+        news = accusation.decision != before and not (was_kept and accusation.silent)
+        if news and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 
@@ -179,7 +179,7 @@ class Nodes:
         return KillNode(
             accusation.node,
             service.topic,
-            urgent=kind is not Kind.NODE_GONE,
+            if_dead=kind is Kind.NODE_GONE,  # who lost its connections may live
             only_here=accusation.silent,
             period=(service.period or 0.0) if kind in BY_LINK else 0.0,
             quick=service.contain is Contain.NODE,
@@ -218,7 +218,7 @@ class Nodes:
                 self.kills.wait(node, service.period or 0.0)
             else:
                 order = self._order(service, accusation)
-                commands += self.kills.order(replace(order, urgent=True, only_here=False))
+                commands += self.kills.order(replace(order, only_here=False))
         return commands
 
     def _speaks(self, service: Service, accused: Accusation) -> bool:
@@ -248,6 +248,7 @@ class Nodes:
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
             for each in accusations:
                 each.kind = Kind.SILENT
+                each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)

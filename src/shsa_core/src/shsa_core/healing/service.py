@@ -210,8 +210,8 @@ class ServiceMachine:
         """Go on by how the kill of the faulty node has ended."""
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
-        if kill.outcome is Outcome.SPARED:
-            return self.step()
+        if kill.outcome is Outcome.SPARED:  # it may be killed for its silence
+            return [*self.judge(self.accusation, self.substitute.plan), *self.step()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
@@ -225,17 +225,21 @@ class ServiceMachine:
 
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
-        if self.incident.state is not State.RETURNING and not self.nodes.kept_out(event.node):
+        kept_out = self.nodes.kept_out(event.node)
+        if self.state is not State.RETURNING and not kept_out:
             self.start_node()
         commands: List[Command] = []
-        count = self.nodes.refusals(event.node)
+        count, text = self.nodes.refusals(event.node), ""
         if count:
             times = "once" if count == 1 else f"{count} times"
             text = f"{event.node} is kept out, and was started again {times}"
             text += f" by {event.starter}" if event.starter else ""
-            how = f"Repair and release it: rosservice call /shsa/release {self.spec.topic}"
-            commands = [self.log(f"{text}. {how}", Level.ERROR)]
-            commands += self.step(detail=f"{text}.")
+        elif kept_out and self.incident.killed is None:
+            text = f"{event.node} keeps failing, and is kept out"
+        if text:
+            how = f"or, with operator:=true, rosservice call /shsa/release {self.spec.topic}"
+            said = self.log(f"{text}. Repair it, and restart healing {how}", Level.ERROR)
+            commands = [said, *self.step(detail=f"{text}.")]
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:

@@ -93,9 +93,6 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     plan, none = repair.search(service)
     detail = f"{node} failed again: {failure.detail}"
     commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
-    if service.nodes.kept_out(node) and not accusation.kept:
-        detail = f"{node} keeps failing. It is kept out until it is released."
-        commands.append(service.log(detail, Level.ERROR))
     healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:

@@ -65,9 +65,10 @@ class Connected(PublisherEvent):
 
 @dataclass(frozen=True)
 class Disconnected(PublisherEvent):
-    """A publisher is gone: its node, or what it offered; `certain`: else it may be cut off."""
+    """A publisher is gone; `certain`: its node is, else it may be cut off, or `left` the topic."""
 
     certain: bool = True
+    left: bool = False
 
 
 @dataclass(frozen=True)

@@ -168,13 +168,15 @@ class Monitor:
         board, publisher = self._board, self._board.find(event.topic, event.publisher)
         if publisher is None:
             return
-        if not event.certain and (publisher.deadline < inf or publisher.kind in QUIET):
+        cut_off = not (event.certain or event.left)
+        if cut_off and (publisher.deadline < inf or publisher.kind in QUIET):
             return  # its silence tells
         topic, watched, may_stop = publisher.topic, publisher.watched, self._may_stop(publisher)
         publisher.connected = publisher.retired = False
         kind, detail = Kind.NODE_GONE, "its connection was lost: the node died or left"
         if not event.certain:
-            kind, detail = Kind.SILENT, "its connection was lost, and it does not answer"
+            why = "it does not answer" if cut_off else "its node lives, and publishes it no more"
+            kind, detail = Kind.SILENT, f"its connection was lost, and {why}"
         formerly = not watched.came and publisher.name == watched.formerly[0]
         was_well = publisher.state is HEALTHY or formerly
         if publisher.state is FAILED:

@@ -2,8 +2,9 @@
 
 A lost connection alone is no evidence: a rospy subscriber that is told of a publisher twice makes
 two connections, and each end may drop another one; a publisher may drop a slow subscriber. What a
-node that has gone cannot do is listen at its own address, or offer the topic. Who does not answer
-may be cut off, or wait for a processor: it is asked again, ever more seldom, while it is listed.
+node that has gone cannot do is listen at its own address, or offer any topic: one that lives and
+offers others has left this one. Who does not answer may be cut off, or wait for a processor: it is
+asked again, ever more seldom, while it is listed.
 """
 import socket
 from contextlib import suppress
@@ -17,7 +18,7 @@ from rospy.impl.tcpros import get_tcpros_handler
 from shsa_core.agenda import doubled
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
-from shsa_core.ros.master.node_api import master_api, uri_of
+from shsa_core.ros.master.node_api import master_api, topics, uri_of
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
@@ -55,7 +56,8 @@ class Doubt:
     """Somebody who is not connected any more, and may be gone; or never was: `publisher` is empty.
 
     It was asked for another connection, and may not have answered yet (`waits`). `until`: when
-    that took too long; so it did `pauses` times. `gone`: that is certain.
+    that took too long; so it did `pauses` times. `gone`: that is certain. `left`: it lives, and
+    offers the topic no more, which is told once.
     """
 
     topic: str
@@ -68,6 +70,7 @@ class Doubt:
     waits: bool = False
     pauses: int = 0
     gone: bool = False
+    left: bool = False
 
 
 class Reconnection:
@@ -96,12 +99,16 @@ class Reconnection:
         """Return whether somebody is in doubt."""
         return (topic, uri) in self._doubts
 
-    def _answered(self, doubt: Doubt, willing: Optional[bool]) -> List[Doubt]:
+    def _answered(self, doubt: Doubt, willing: Optional[bool], gone: bool = False) -> List[Doubt]:
         if self._doubts.get((doubt.topic, doubt.uri)) is not doubt:
             return []
-        doubt.waits, doubt.gone = False, willing is False
+        doubt.waits, doubt.gone = False, gone
         doubt.tries = doubt.tries if willing else settings.TRIES
-        return self._settle(doubt)
+        found, connects = self._settle(doubt), doubt.implementation.connects(doubt.uri)
+        if found or connects or willing is not False or doubt.left or not doubt.publisher:
+            return found
+        doubt.left, doubt.until = True, _now() + settings.TURN_S
+        return [doubt]
 
     def overdue(self) -> List[Doubt]:
         """Ask those again who took too long; who never stood is forgotten."""
@@ -110,7 +117,7 @@ class Reconnection:
             if not doubt.publisher:
                 self._end(doubt)
                 continue
-            found += [] if doubt.pauses else [doubt]
+            found += [] if doubt.pauses or doubt.left else [doubt]
             pause = doubled(settings.FIRST_PAUSE_S, doubt.pauses, settings.LONGEST_PAUSE_S)
             doubt.until, doubt.pauses, doubt.tries = now + pause, doubt.pauses + 1, 0
             found += self._settle(doubt)
@@ -153,25 +160,27 @@ class Reconnection:
 
     def _ask(self, doubt: Doubt) -> None:
         willing: Optional[bool] = False
+        gone = False
         try:
-            willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
-            if willing is None and doubt.pauses:  # who is listed no more would count for nobody
+            with suppress(BadAnswer):
+                willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
+            gone = not (willing or topics(doubt.uri))  # offering nothing, it is shutting down
+        except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing
+            willing = None
+            gone = not isinstance(error, OSError) or isinstance(error, ConnectionError)
+            if not gone and doubt.pauses:  # who is listed no more would count for nobody
                 with suppress(*FAILURES):
                     listed = dict(master_api().getSystemState()[0]).get(doubt.topic, ())
-                    willing = None if doubt.uri in map(uri_of, listed) else False
+                    gone = doubt.uri not in map(uri_of, listed)
         finally:  # whatever a strange node answers, it is not willing
-            self._tell(doubt.topic, lambda: self._answered(doubt, willing))
+            self._tell(doubt.topic, lambda: self._answered(doubt, willing, gone))
 
 
-def _connect(topic: str, uri: str, implementation: HandedOver) -> Optional[bool]:
-    """Connect as rospy does when the master tells it of a publisher; None: it does not answer."""
+def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
+    """Connect as rospy does when the master tells it of a publisher. Raises one of FAILURES."""
     if implementation.connects(uri):
         return True
-    try:
-        protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
-    except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing
-        waits = isinstance(error, OSError) and not isinstance(error, ConnectionError)
-        return None if waits else False
+    protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
     if not protocol or implementation.connects(uri):  # rospy was faster
         return bool(protocol)
     return bool(get_tcpros_handler().create_transport(topic, uri, protocol)[0] == 1)

@@ -279,4 +279,5 @@ class Subscriptions:
         for doubt in doubts:
             if doubt.publisher and doubt.publisher not in self.publishers(doubt.topic):
                 self._caller_ids.forget(doubt.publisher, doubt.uri)
-                yield Disconnected(self._time, doubt.topic, doubt.publisher, doubt.gone)
+                told = self._time, doubt.topic, doubt.publisher
+                yield Disconnected(*told, doubt.gone, doubt.left)

@@ -1,0 +1,70 @@
+"""A node that lives is not ended for leaving its topic, or for taking its time to shut down."""
+from dataclasses import replace
+from typing import List
+
+import pytest
+
+from core_robot import A, SOM, Robot, changed, has, last_incident, only, publishing
+from shsa_core.healing import events
+from shsa_core.healing.events import AskToLeave, EndProcess, FindNode, NodeFound, Where
+from shsa_core.healing.incident import State
+from shsa_core.model.kinds import Contain, Kind, Policy
+from shsa_core.model.log import Level
+
+
+def logged(said: List[events.Command], text: str) -> bool:
+    return any(text in each.text for each in said if isinstance(each, events.Log))
+
+
+@pytest.mark.parametrize("where", [Where.HERE, Where.STOPPED, Where.ANOTHER, Where.UNKNOWN])
+def test_a_node_that_lost_its_connections_and_runs_is_kept_and_healed_beside(where: Where) -> None:
+    robot = Robot()
+    assert only(robot.fail("/a", A, 10.0), FindNode).node == A
+    assert publishing(robot) == (True,)
+    robot.handle(NodeFound(10.01, A, where, "it is not the one that failed"))
+    assert not has(robot.said, AskToLeave) and not has(robot.said, EndProcess)
+    assert not any(isinstance(e, events.Log) and e.level is Level.ERROR for e in robot.said)
+    (row,) = robot.working()
+    assert row.publishing and row.yields, "it is still as soon as the node is heard again"
+    robot.row("/a", A, "healthy", 10.05)
+    assert last_incident(robot.table(10.05)).state is State.RETURNING
+    assert last_incident(robot.handle(events.Tick(15.0))).state is State.ENDED
+
+
+def test_one_that_is_to_be_started_again_is_ended_if_it_stays_silent() -> None:
+    robot = Robot(changed(SOM, "a", policy=Policy.RESTART_AND_SUBSTITUTE))
+    robot.fail("/a", A, 10.0)
+    robot.handle(NodeFound(10.01, A, Where.HERE))
+    assert not has(robot.said, AskToLeave)
+    assert only(robot.handle(events.Tick(12.1)), FindNode).node == A
+    assert only(robot.handle(NodeFound(12.11, A, Where.HERE)), AskToLeave).node == A
+
+
+def test_one_that_the_som_contains_is_ended_as_its_substitute_publishes() -> None:
+    robot = Robot(changed(SOM, "a", contain=Contain.NODE))
+    robot.fail("/a", A, 10.0)
+    robot.handle(NodeFound(10.01, A, Where.HERE))
+    assert not has(robot.said, AskToLeave)
+    (ready,) = robot.working()
+    robot.row("/a", ready.node, "healthy", 10.1, first=10.1)
+    said = robot.table(10.1)
+    assert only(said, FindNode).node == A
+    assert logged(said, "is killed: the SOM says so")
+
+
+@pytest.mark.parametrize("uri, killed", [("http://here:1/", True), ("http://here:2/", False)])
+def test_a_process_that_was_good_is_killed_and_its_successor_starts_clean(
+    uri: str, killed: bool
+) -> None:
+    """As one that says what is not a number while it warms up."""
+    robot = Robot()
+    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
+    robot.table(2.0)
+    robot.row("/a", A, "failed", 10.0)
+    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None, "uri": uri}
+    robot.rows["/a", A] = replace(robot.rows["/a", A], **wrong)
+    assert has(robot.table(10.0), FindNode) is killed
+    assert logged(robot.said, "is killed: " if killed else "was never good: it may not be ready")
+    if not killed:
+        robot.row("/a", A, "healthy", 12.0)
+        assert last_incident(robot.table(12.0)).state is State.RETURNING
