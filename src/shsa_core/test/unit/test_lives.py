@@ -58,9 +58,9 @@ def test_the_next_life_is_back_while_the_process_of_the_former_is_searched_for()
     assert robot.state is State.WELL and A not in robot.core.robot.health.doomed
 
 
-@pytest.mark.parametrize("uri", ["", FIRST])
+@pytest.mark.parametrize("uri", ["", FIRST, FIRST.replace("127.0.0.1", "10.0.0.7")])
 def test_the_life_that_is_being_ended_is_not_back(uri: str) -> None:
-    """Nor one of which nobody can tell."""
+    """Nor one of which nobody can tell, nor as another computer knows it."""
     robot = Lives().healed()
     robot.tell(uri, "healthy", 10.05)
     assert robot.state is State.HEALED

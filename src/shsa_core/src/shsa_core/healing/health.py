@@ -76,10 +76,10 @@ class Health:
         return {*self.excluded, *self.dying}
 
     def succeeded(self, node: str) -> bool:
-        """Tell that another life is heard of a node that is being killed."""
-        killed = self.dying.get(node, "")
-        uris = {self.rows[topic][node].uri for topic in self.topics.get(node, ())}
-        return killed != "" and bool(uris - {"", killed})
+        """Tell that a dying node has another life: two monitors know the same port of one."""
+        port = self.dying.get(node, "").rpartition(":")[2]
+        rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
+        return port != "" and bool({row.uri.rpartition(":")[2] for row in rows} - {"", port})
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""
