@@ -5,6 +5,7 @@ import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service, streaming
 
 from shsa_core.monitoring.events import Message
+from shsa_core.monitoring.overview import Condition
 
 WHY = "it sends another type"
 FIRST, SECOND = "http://127.0.0.1:1/", "http://127.0.0.1:2/"
@@ -50,6 +51,8 @@ def test_a_node_that_always_had_another_type_is_not_missed() -> None:
     foreign(bench, 100)
     assert bench.failures == []
     assert bench.state() == "unknown" and bench.rows[TOPIC, NODE].detail == WHY
+    (shown,) = bench.core.overview()
+    assert (shown.condition, shown.detail) == (Condition.STARTING, WHY)
 
 
 def test_a_stranger_of_another_type_replaces_nobody() -> None:
