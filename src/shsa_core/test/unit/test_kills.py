@@ -41,7 +41,7 @@ class Killing(Kills):
 
     @property
     def nodes(self) -> FrozenSet[str]:
-        return self.robot.health.dying
+        return frozenset(self.robot.health.dying)
 
     def told(self, event: KillEvent) -> Parts:
         return parts(self.handle(event))

@@ -3,8 +3,9 @@ import io
 import struct
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, List, Optional
+from typing import Any, Dict, List, Optional
 
+import pytest
 from monitor_bench import NODE, TOPIC, provision, service
 from plain_sockets import connected
 from sensor_msgs.msg import Image
@@ -107,3 +108,36 @@ def test_without_any_check_of_stamps_there_is_no_age() -> None:
     for _ in range(2):
         (message,) = watched.hear(picture(1), unchecked)
         assert (message.age, message.values) == (None, None)
+
+
+OTHER_VERSION = {"type": "sensor_msgs/Image", "md5sum": "0" * 32}
+OTHER_TYPE = {"type": "std_msgs/Float64", "md5sum": "0" * 32}
+
+
+@pytest.mark.parametrize(
+    "header, why", [(OTHER_TYPE, "std_msgs/Float64, and not sensor"), (OTHER_VERSION, "version")]
+)
+@pytest.mark.parametrize("of", [JUDGED, UNJUDGED, replace(UNJUDGED, checks=Checks(each=()))])
+def test_who_sends_another_type_than_the_som_names_is_told_of(
+    monkeypatch: pytest.MonkeyPatch, header: Dict[str, str], why: str, of: Service
+) -> None:
+    said: List[object] = []
+    monkeypatch.setattr(Connection, "warn", lambda _, problem: said.append(problem))
+    watched = Watched()
+    watched.connection.header = header
+    (message,) = watched.hear(picture(1, size=10), of)
+    assert why in message.foreign and (message.values, message.error) == (None, "")
+    assert why in str(*said)
+
+
+def test_a_type_that_is_not_known_here_is_held_against_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Connection, "warn", lambda *_: None)
+    watched = Watched()
+    watched.connection.header = {"type": "nowhere_msgs/Thing", "md5sum": "0" * 32}
+    (message,) = watched.hear(picture(1), replace(JUDGED, type="nowhere_msgs/Thing"))
+    assert message.foreign == ""
+    watched.connection.header = {"type": "*", "md5sum": "*"}
+    (message,) = watched.hear(picture(1), JUDGED)
+    assert message.foreign == ""

@@ -27,6 +27,14 @@ from shsa_testing.waiting import wait_until
 HUGE = struct.pack("<I", 0xFFFFFFFF)
 
 
+def mend(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep rospy's threads until the end of the test."""
+    for where in (TCPServer, RegManager, rospy.Timer):
+        monkeypatch.setattr(where, "run", where.run)
+    monkeypatch.setattr(registration, "is_shutdown", registration.is_shutdown)
+    keep_rospys_threads()
+
+
 def test_subscribing_a_header_may_claim_any_length() -> None:
     class Enough(Exception):
         """More was read than a header can need."""
@@ -134,10 +142,44 @@ def test_standing_who_hears_of_publishers_is_woken_before_it_can_see_the_end(
         return waited
 
     assert waits() == [0.5, 0.5]
-    for where, name in ((TCPServer, "run"), (RegManager, "run"), (registration, "is_shutdown")):
-        monkeypatch.setattr(where, name, getattr(where, name))  # to be undone
-    keep_rospys_threads()
+    mend(monkeypatch)
     assert waits() == [0.5]
+
+
+def test_standing_a_timer_ends_as_time_jumps_back_or_its_topic_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def jump(_: object) -> None:
+        raise rospy.exceptions.ROSTimeMovedBackwardsException(1.0)
+
+    def publish(_: object) -> None:
+        raise rospy.ROSException("publish() to a closed topic")
+
+    rung: List[object] = []
+
+    def ring(event: object) -> None:
+        rung.append(event)
+        if len(rung) == 3:
+            timer.shutdown()
+
+    rospy.rostime.set_rostime_initialized(True)
+    monkeypatch.setattr(rospy.timer, "sleep", jump)
+    monkeypatch.setattr(rospy.Timer, "start", lambda _: None)
+    monkeypatch.setattr(rospy.core, "_shutdown_flag", False)
+    timer = rospy.Timer(rospy.Duration(0.1), ring)
+    with pytest.raises(rospy.exceptions.ROSTimeMovedBackwardsException):
+        timer.run()
+    unmended = rospy.Timer.run
+    mend(monkeypatch)
+    timer.run()
+    assert len(rung) == 3
+    closed = rospy.Timer(rospy.Duration(0.1), publish)
+    with pytest.raises(rospy.ROSException):
+        closed.run()
+    monkeypatch.setattr(rospy.core, "_in_shutdown", True)
+    closed.run()
+    with pytest.raises(rospy.ROSException):
+        unmended(closed)
 
 
 def test_log_queue_the_master_is_asked_at_each_line(monkeypatch: pytest.MonkeyPatch) -> None:

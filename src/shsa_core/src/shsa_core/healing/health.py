@@ -2,7 +2,7 @@
 from collections import defaultdict
 from dataclasses import replace
 from math import inf
-from typing import Collection, DefaultDict, Dict, FrozenSet, List, Optional, Set, Tuple
+from typing import Collection, DefaultDict, Dict, List, Optional, Set, Tuple
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
 from shsa_core.healing.records import Healthy, Record
@@ -26,8 +26,9 @@ class Health:
 
     `rows`: by topic and publisher. `topics`: those of each node. `substitutes`: the names of
     substitutes that run, or did not long ago. `excluded`: when each node that was killed and has
-    not been well since was gone, in s. `dying`: the nodes whose kill is under way. `protected`: why
-    a node is never killed unless the SOM says so; `duties`: what a kill costs beyond the SOM.
+    not been well since was gone, in s. `dying`: the nodes whose kill is under way, each with the
+    address of the life that failed; empty: not known. `protected`: why a node is never killed
+    unless the SOM says so; `duties`: what a kill costs beyond the SOM.
     `verified`: the nodes whose process is known. `startable`: those that healing can start again,
     as it knows how they were started. `templates`: who has ever published a topic well, and the
     last message of it that was; empty: not known. `consumers`: the nodes outside healing that
@@ -42,7 +43,7 @@ class Health:
         self.topics: Dict[str, Dict[str, None]] = {}
         self.substitutes = RecentNames()
         self.excluded: Dict[str, float] = {}
-        self.dying: FrozenSet[str] = frozenset()
+        self.dying: Dict[str, str] = {}
         self.protected: Dict[str, str] = {}
         self.duties: Dict[str, Tuple[str, ...]] = {}
         self.verified: Set[str] = set()
@@ -80,6 +81,12 @@ class Health:
     def doomed(self) -> Set[str]:
         """The nodes that are being killed, or were and have not been well since."""
         return {*self.excluded, *self.dying}
+
+    def succeeded(self, node: str) -> bool:
+        """Tell that a dying node has another life: two monitors know the same port of one."""
+        port = self.dying.get(node, "").rpartition(":")[2]
+        rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
+        return port != "" and bool({row.uri.rpartition(":")[2] for row in rows} - {"", port})
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""

@@ -109,8 +109,7 @@ def look_again(core: Core) -> List[Command]:
         rows = robot.health.originals(robot.som, service)
         well = any(row.is_well for row in rows)
         for row in () if well or core.incident(service.name) else rows:
-            known = row.publisher in robot.health.excluded or row.publisher in robot.health.dying
-            if row.has_failed and not known:
+            if row.has_failed and row.publisher not in robot.health.doomed:
                 commands += failed(core, robot.health.failure(row), told=True)
     return commands
 

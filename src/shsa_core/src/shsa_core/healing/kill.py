@@ -79,10 +79,14 @@ Said = Union[Command, KillOver]
 
 @dataclass
 class _Kill:
-    """The kill of a node; `topics`: what it failed on, and whether it was looked at for that."""
+    """The kill of a node; `topics`: what it failed on, and whether it was looked at for that.
+
+    `uri`: the address of the life that failed; who is well elsewhere is another one.
+    """
 
     begun: float
     order: KillNode
+    uri: str
     topics: Dict[str, bool] = field(default_factory=dict)
     where: Optional[Where] = None
     answered: bool = False
@@ -164,8 +168,9 @@ class Kills:
             kill.topics.setdefault(order.topic, False)
         if not node or kill is not None:
             return []
-        self._kills[node] = _Kill(time, order, {order.topic: True})
-        self._health.dying = frozenset(self._kills)
+        row = self._health.rows.get(order.topic, {}).get(node)
+        self._kills[node] = _Kill(time, order, row.uri if row else "", {order.topic: True})
+        self._health.dying[node] = self._kills[node].uri
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
@@ -183,7 +188,8 @@ class Kills:
             return []
         if isinstance(event, events.NodeLeft):
             how = "it did not leave in time, its process was killed" if kill.forced else "it left"
-            return [*self._over(time, node, True, how), events.ClearNode(node)]
+            left = kill.begun if self._health.succeeded(node) else time
+            return [*self._over(left, node, True, how), events.ClearNode(node)]
         why = event.detail or "it does not leave, and its process belongs to somebody else"
         return self._over(time, node, False, why)
 
@@ -282,9 +288,8 @@ class Kills:
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:
         kill = self._kills[node]
         self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
-        row = self._health.rows.get(topic, {}).get(node)
-        uri, spares = row.uri if row else "", not kill.order.quick
-        return events.FindNode(node, not kill.order.if_dead, topic, kill.listen, uri, spares)
+        urgent, spares = not kill.order.if_dead, not kill.order.quick
+        return events.FindNode(node, urgent, topic, kill.listen, kill.uri, spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False
@@ -305,6 +310,6 @@ class Kills:
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
         kill = self._kills.pop(node)
-        self._health.dying = frozenset(self._kills)
+        del self._health.dying[node]
         self.agenda.set(node, None)
         return [KillOver(time, node, outcome, detail, cause, kill.starter)]

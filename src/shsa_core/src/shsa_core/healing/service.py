@@ -18,7 +18,7 @@ from shsa_core.healing.kill import KillOver, Outcome
 from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
-from shsa_core.model.health import PublisherHealth
+from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
@@ -369,11 +369,16 @@ class ServiceMachine:
         return row is not None and gone is not None and not row.has_failed and row.since > gone
 
     def returned(self) -> Optional[PublisherHealth]:
-        """Return the row of an original that is well since the failure; None: there is none."""
-        incident = self.incident
+        """Return the row of an original that is well since the failure; None: there is none.
+
+        While the faulty life is being ended, and is quiet, its node's next one may be.
+        """
+        incident, health = self.incident, self.robot.health
         if incident.state in (State.WELL, State.RETURNING):
             return None
-        if incident.faulty_node in self.robot.health.dying:
+        node = incident.faulty_node
+        quiet = not (self.accusation.heard or self.nodes.kept_out(node))
+        if node in health.dying and not (quiet and health.succeeded(node)):
             return None
         failed_at = incident.detected if incident.killed is None else incident.killed
         return next((row for row in self.originals if row.is_well and row.since > failed_at), None)
@@ -393,7 +398,7 @@ class ServiceMachine:
             plan,
             node=substitute.node,
             publishing=publishes,
-            original=self.incident.faulty_node if self.incident.killed and not spec.gated else "",
+            original=self._original,
             last_message=self.last_message,
             host=substitute.host,
             on_partition=spec.on_partition if self.parted else OnPartition.WAIT,
@@ -404,6 +409,15 @@ class ServiceMachine:
             template=self.robot.health.templates.get((spec.topic, spec.node), b""),
             provider=spec.node if awaited or (own and not own.has_failed) else "",
         )
+
+    @property
+    def _original(self) -> str:
+        """Return the gone node that may take consumers over; none if its row says why it cannot."""
+        node = self.incident.faulty_node
+        gone = self.incident.killed is not None or self.accusation.kind is Kind.NODE_GONE
+        row = self.robot.health.rows[self.spec.topic].get(node)
+        unfit = row is not None and row.state is PublisherState.UNKNOWN and row.detail != ""
+        return node if gone and not (self.spec.gated or unfit) else ""
 
     def _bridge(self) -> float:
         """Return the silence in s after which a substitute that stands by fills in; 0: never.

@@ -20,9 +20,9 @@ class PublisherState(Word):
 class PublisherHealth:
     """One row of the monitor's table: the state since `since`; `kind` of failure, if it failed.
 
-    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed,
-    or what is doubtful or unusual. `last_message`: of one that failed, the serialized message from
-    which a substitute goes on; empty: not known. `uri`: the address of the
+    `detail`: what was seen and what is allowed; of one that has not failed: why it is not blamed
+    or not read, or what is doubtful or unusual. `last_message`: of one that failed, the serialized
+    message from which a substitute goes on; empty: not known. `uri`: the address of the
     process that was heard.
     """
 

@@ -87,6 +87,7 @@ class Message(PublisherEvent):
     apart: Optional[float] = None  # s of simulated time from ours so far; None: there is none
     stamp: int = 0  # in ns, as it came; 0: it has none
     form: Parts = ()  # its frames and the lengths of its arrays
+    foreign: str = ""  # why it is none of the topic's type, which no consumer hears
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,17 @@ class Judgement:
             self._board.become_healthy(publisher)
         return good
 
+    def foreign(self, publisher: Publisher, why: str) -> None:
+        """Find a publisher not well that no consumer can hear; it is there, so nobody is missed."""
+        watched = publisher.watched
+        if publisher.name == watched.service.node and not watched.formerly[0]:
+            watched.come()
+        if publisher.is_healthy:
+            self._board.fail(publisher, Kind.SILENT, why)
+            publisher.begin_anew()
+        else:
+            self._board.note(publisher, why)
+
     def silence(self, publisher: Publisher) -> None:
         """Excuse or blame who is silent for longer than it is allowed."""
         alibi = decide(self._around.silence(publisher))

@@ -206,6 +206,9 @@ class Monitor:
             publisher = self._board.meet(topic, event.publisher)
         if not publisher.connected or not self._board.is_heard(publisher):
             return
+        if event.foreign:
+            self._judgement.foreign(publisher, event.foreign)
+            return
         previous = publisher.last_heard
         excused = publisher.excused_until > -inf
         interrupted = publisher.reconnects_until > -inf

@@ -93,4 +93,5 @@ def _condition(board: Board, publishers: List[Publisher]) -> Tuple[Condition, st
         return Condition.SUBSTITUTED, "; ".join(filter(None, (f"by {healthy[0].name}", told)))
     if failed:
         return Condition.LOST, told
-    return Condition.STARTING, "waits for its first message"
+    why = (each.detail for each in publishers if each.detail)
+    return Condition.STARTING, next(why, "waits for its first message")

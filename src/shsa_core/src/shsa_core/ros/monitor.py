@@ -172,10 +172,10 @@ class MonitorNode:
     def _arrived(self, arrived: subscriptions.Arrived) -> None:
         time, connection, data, whole = arrived[:4]
         service = self._core.service_of(connection.topic, connection.publisher)
-        if service is not None and service.needed is not False and whole:
-            if connection.header["type"] == service.type:
-                self._last_messages.keep(time, connection.topic, connection.publisher, data)
-        self._feed(event_of(arrived, service))
+        message = event_of(arrived, service)
+        if service is not None and service.needed is not False and whole and not message.foreign:
+            self._last_messages.keep(time, connection.topic, connection.publisher, data)
+        self._feed(message)
 
     def _feed(self, event: events.Event) -> None:
         if not isinstance(event, events.ClockTicked):  # what is told of it had come before

@@ -1,4 +1,5 @@
 """Makes events of messages, which are read and decoded only as far as somebody checks them."""
+from contextlib import suppress
 from typing import NamedTuple, Optional
 
 from shsa_core.errors import ShsaError
@@ -7,7 +8,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import checked_provisions, checks_header
 from shsa_core.monitoring.settings import LAST_MESSAGE_B
-from shsa_core.ros.messages.fields import HEADER_END, Decoder, frame, stamp
+from shsa_core.ros.messages.fields import HEADER_END, Decoder, foreign, frame, stamp
 from shsa_core.ros.sockets.connection import Connection, Wanted
 from shsa_core.ros.sockets.subscriptions import Arrived
 
@@ -22,6 +23,7 @@ class _Needs(NamedTuple):
     service: Optional[Service]
     values: Optional[Decoder] = None
     header: bool = False
+    foreign: str = ""  # why they are none of the type of the service
 
 
 def event_of(arrived: Arrived, service: Optional[Service], unjudged: Wanted = HEAD) -> Message:
@@ -46,13 +48,21 @@ def event_of(arrived: Arrived, service: Optional[Service], unjudged: Wanted = HE
         stamped, form = stamp(data), form or frame(data)
         age = (ros_time - stamped) / 1e9 if stamped else None
     whom = (connection.topic, connection.publisher)
-    return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form)
+    told = needs.foreign
+    return Message(time, *whom, values, error, age, waited, stamp=stamped, form=form, foreign=told)
 
 
 def _needs(connection: Connection, service: Optional[Service]) -> _Needs:
-    fields = tuple(each.field for each in checked_provisions(service)) if service else ()
-    if service is not None and (fields or checks_header(service)):
-        decoder = connection.decoder(service.type, fields)
-        if decoder is not None:
-            return _Needs(service, decoder if fields else None, decoder.has_stamp)
-    return _Needs(service)
+    if service is None:
+        return _Needs(service)
+    with suppress(ShsaError):  # its type is not known here
+        why = foreign(service.type, connection.header)
+        if why and connection.header["type"] != "*":
+            connection.warn(why)
+            return _Needs(service, foreign=f"its messages are not read: {why}")
+    fields = tuple(each.field for each in checked_provisions(service))
+    unchecked = not fields and not checks_header(service)
+    decoder = None if unchecked else connection.decoder(service.type, fields)
+    if decoder is None:
+        return _Needs(service)
+    return _Needs(service, decoder if fields else None, decoder.has_stamp)

@@ -28,16 +28,11 @@ class Decoder:
     """
 
     def __init__(self, kind: str, header: Mapping[str, str], fields: Sequence[str]) -> None:
-        if header["type"] != kind:
-            named = shown(header["type"], 100)
-            raise ShsaError(f"the publisher says that they are {named}, and not {kind}")
+        why = foreign(kind, header)
+        if why:
+            raise ShsaError(why)
         self._class = message_types.message_class(kind)
         self._message = self._class()  # to make a new one of each is half of what reading costs
-        if header["md5sum"] != self._class._md5sum:
-            raise ShsaError(
-                f"{kind} is another version at the publisher: "
-                f"its sum is {header['md5sum']}, here {self._class._md5sum}"
-            )
         self._fields: List[Optional[Field]] = []
         self.problems: List[str] = []
         for field in fields:
@@ -64,6 +59,15 @@ class Decoder:
         except (genpy.DeserializationError, struct.error, UnicodeDecodeError) as error:
             raise ShsaError(f"the message is not a {self._class._type}: {error}") from error
         return tuple(None if field is None else field.get(message) for field in self._fields)
+
+
+def foreign(kind: str, header: Mapping[str, str]) -> str:
+    """Return why messages of this header are no `kind`; ShsaError: that is not known here."""
+    if header["type"] != kind:
+        return f"the publisher says that they are {shown(header['type'], 100)}, and not {kind}"
+    ours, its = message_types.message_class(kind)._md5sum, header["md5sum"]
+    another = f"{kind} is another version at the publisher: its sum is {its}, here {ours}"
+    return "" if its == ours else another
 
 
 def stamp(data: bytes) -> int:

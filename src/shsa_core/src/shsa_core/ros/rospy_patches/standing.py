@@ -4,6 +4,8 @@ Faults of rospy 1.15 to 1.17: it accepts connections in one thread (`TCPServer.r
 publishers in another (`RegManager.run`), each of which ends for good at the first error of the
 operating system, as without a free descriptor; it wakes the latter at the end before it says that
 this is the end, and waits for it for 0.5 s. Whoever sets /use_sim_time stops the time of healing.
+A timer, as of an action's status, ends for good when ROS time jumps back, as a looped bag has it
+do, and with an error if its topic is closed at the end (`Timer.run`).
 """
 import os
 import time
@@ -33,6 +35,16 @@ def keep_rospys_threads() -> None:
     TCPServer.run = partialmethod(_kept, TCPServer.run)
     registration.RegManager.run = partialmethod(_kept, registration.RegManager.run)
     registration.is_shutdown = rospy.core.is_shutdown_requested
+    rospy.Timer.run = partialmethod(_timed, rospy.Timer.run)
+
+
+def _timed(timer: Any, run: Callable[[Any], None]) -> None:
+    timer._reset = True  # go on from the time that it is now
+    try:
+        run(timer)
+    except rospy.ROSException:
+        if not rospy.core.is_shutdown_requested():
+            raise
 
 
 def _kept(thread: Any, run: Callable[[Any], None]) -> None:

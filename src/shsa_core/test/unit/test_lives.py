@@ -1,0 +1,110 @@
+"""Evidence and kills belong to one life of a node: the next one of its name begins clean."""
+from dataclasses import replace
+
+import pytest
+from core_robot import SOM, A, Robot, changed, has, only
+
+from shsa_core.healing import events
+from shsa_core.healing.incident import State
+from shsa_core.model.kinds import Kind, Policy
+
+FIRST, SECOND = "http://127.0.0.1:4001/", "http://127.0.0.1:4002/"
+
+
+class Lives(Robot):
+    """A robot that tells which life of the node of /a its monitor has heard."""
+
+    def tell(
+        self, uri: str, state: str, since: float, detail: str = "", kind: Kind = Kind.NODE_GONE
+    ) -> None:
+        self.row("/a", A, state, since)
+        told = {"kind": kind, "detail": "it died"} if state == "failed" else {"detail": detail}
+        self.rows["/a", A] = replace(self.rows["/a", A], uri=uri, **told)  # type: ignore[arg-type]
+        self.said.clear()
+        self.table(since)
+
+    @property
+    def state(self) -> State:
+        incident = self.core.incident("a")
+        return State.WELL if incident is None else incident.state
+
+    def healed(self) -> "Lives":
+        """The first life dies; before its process is found its substitute publishes."""
+        self.tell(FIRST, "healthy", 5.0)
+        self.tell(FIRST, "failed", 10.0)
+        node = only(self.said, events.StartSubstitute).node
+        assert not has(self.said, events.NodeLeft)
+        self.heard(node, 10.02)
+        assert self.state is State.HEALED and A in self.core.robot.health.dying
+        return self
+
+
+def test_a_substitute_knows_the_original_before_the_dead_process_is_found() -> None:
+    (row,) = Lives().healed().working()
+    assert row.publishing and row.original == A
+
+
+def test_the_next_life_is_back_while_the_process_of_the_former_is_searched_for() -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "unknown", 10.04)
+    assert robot.state is State.HEALED
+    robot.tell(SECOND, "healthy", 10.05)
+    assert robot.state is State.RETURNING
+    (row,) = robot.working()
+    assert not row.publishing and row.original == A
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    assert robot.state is State.RETURNING
+    robot.handle(events.Tick(12.06))
+    assert robot.state is State.WELL and A not in robot.core.robot.health.doomed
+
+
+@pytest.mark.parametrize("uri", ["", FIRST, FIRST.replace("127.0.0.1", "10.0.0.7")])
+def test_the_life_that_is_being_ended_is_not_back(uri: str) -> None:
+    """Nor one of which nobody can tell, nor as another computer knows it."""
+    robot = Lives().healed()
+    robot.tell(uri, "healthy", 10.05)
+    assert robot.state is State.HEALED
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    assert robot.state is State.RETURNING
+
+
+def test_a_life_that_is_back_and_dies_at_once_is_substituted_again() -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "healthy", 10.05)
+    robot.tell(SECOND, "failed", 10.1)
+    (row,) = robot.working()
+    assert robot.state is State.HEALED and row.publishing and row.original == A
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    assert robot.state is State.HEALED
+
+
+def test_a_node_is_not_started_again_beside_its_next_life() -> None:
+    robot = Lives(changed(SOM, "a", policy=Policy.RESTART_AND_SUBSTITUTE)).healed()
+    robot.tell(SECOND, "healthy", 10.05)
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    robot.said.clear()
+    robot.handle(events.Tick(30.0))
+    assert not has(robot.said, events.RestartNode)
+
+
+def test_while_the_former_life_may_still_babble_the_next_one_is_not_back() -> None:
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=Kind.OUT_OF_RANGE)
+    robot.handle(events.NodeFound(10.0, A, events.Where.HERE))
+    robot.tell(SECOND, "healthy", 10.3)
+    assert robot.state is State.HEALING
+    robot.handle(events.NodeLeft(12.0, A))
+    assert robot.state is State.RETURNING  # it was well before the former one had ended
+    robot.handle(events.Tick(14.1))
+    assert robot.state is State.WELL and A not in robot.core.robot.health.doomed
+
+
+def test_who_is_up_and_not_well_as_its_row_says_takes_nobody_over() -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "unknown", 10.1)
+    assert robot.working()[0].original == A
+    robot.tell(SECOND, "unknown", 10.1, "what it sends is of another type")
+    (row,) = robot.working()
+    assert row.publishing and row.original == ""
+    assert robot.state is State.HEALED
