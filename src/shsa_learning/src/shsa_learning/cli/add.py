@@ -11,7 +11,6 @@ from shsa_core.errors import ModelError
 from shsa_core.files.som_file import added_path, read_som
 from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.check import check_files
-from shsa_learning.cli._namespace import add_namespace
 from shsa_learning.saving import dump, load
 from shsa_learning.type_check import available
 
