@@ -8,6 +8,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import SUBSTITUTED, Incident, State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Record, ServiceRecord
+from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.journal.codec import Codec
 from shsa_core.model.health import PublisherHealth, PublisherState
@@ -187,7 +188,7 @@ class ObservedRobot(RuleBasedStateMachine):
                     plan.relations,
                     plan.quality,
                     healing.publishes,
-                    healing.incident.faulty_node if healing.incident.killed else "",
+                    self._original(healing),
                     host=healing.substitute.host,
                     on_partition=service.on_partition if parted else OnPartition.WAIT,
                     yields=healing.yields,
@@ -198,6 +199,13 @@ class ObservedRobot(RuleBasedStateMachine):
         assert set(core._processes.nodes) <= self.running
         if self.taken_up:
             assert self.reached() <= {node for node in self.shown if node in self.used}
+
+    def _original(self, healing: ServiceMachine) -> str:
+        node = healing.incident.faulty_node
+        gone = healing.incident.killed is not None or healing.accusation.kind is Kind.NODE_GONE
+        row = self.core.robot.health.row((healing.spec.topic, node))
+        unfit = row is not None and row.detail and not (row.is_well or row.has_failed)
+        return node if gone and not unfit else ""
 
     def reached(self) -> Set[str]:
         """The processes that run where they can be told to end."""
