@@ -68,3 +68,19 @@ def test_a_process_that_was_good_is_killed_and_its_successor_starts_clean(
     if not killed:
         robot.row("/a", A, "healthy", 12.0)
         assert last_incident(robot.table(12.0)).state is State.RETURNING
+
+
+def test_a_successor_that_is_not_good_in_a_minute_had_its_time_to_warm_up() -> None:
+    """As a sensor that is broken for good, and that its launch starts again."""
+    robot = Robot()
+    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
+    robot.table(2.0)
+    robot.row("/a", A, "failed", 10.0, first=10.0)
+    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None}
+    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:2/", **wrong)
+    assert not has(robot.table(10.0), FindNode)
+    for time in range(11, 140):
+        robot.handle(events.Tick(float(time)))
+        if has(robot.said, FindNode):
+            break
+    assert 70.0 <= time < 135.0

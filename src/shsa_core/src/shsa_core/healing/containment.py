@@ -116,6 +116,7 @@ class Stakes:
         well = [s for s, row in published if row.is_well and s.name != service.name]
         partly = kind in BY_LINK or (kind in BY_VALUE and len(service.provides) > 1)
         useful = [each.topic for each in well] + [f"good values on {service.topic}"] * partly
+        warm = self._robot.time - self._robot.settings.stable
         charge = Charge(
             node,
             service.topic,
@@ -128,7 +129,7 @@ class Stakes:
             tuple(sorted(self._costs(service, node, published))),
             self._health.duties.get(node, ()),
             tuple(sorted(useful)),
-            self._health.was_good((service.topic, node)),
+            self._health.was_good((service.topic, node), warm),
             service.gated,
             bool(self._robot.host_of(node)),
         )

@@ -71,11 +71,16 @@ class Health:
         row = self.row(key)
         return row is not None and row.is_well
 
-    def was_good(self, key: Key) -> bool:
-        """Tell that the process that publishes a topic has published it well; not a former one."""
+    def was_good(self, key: Key, warm: float) -> bool:
+        """Tell that the process that publishes a topic has published it well.
+
+        A former one counts if this one was first heard before `warm`: it has had time to warm up.
+        """
         row = self.row(key)
-        life = row.uri if row else ""
-        return key in self.templates and (not life or self._lives.get(key, "") in ("", life))
+        if key not in self.templates or row is None:
+            return key in self.templates
+        same = not row.uri or self._lives.get(key, "") in ("", row.uri)
+        return same or (row.first_message is not None and row.first_message < warm)
 
     @property
     def doomed(self) -> Set[str]:
