@@ -4,8 +4,7 @@ PYTHON := /usr/bin/python3
 ENV := source tools/env.bash
 
 MINUTES := 10
-# Three on two processors: each robot waits for most of its time.
-JOBS := 3
+JOBS := 2
 SECONDS := 60
 
 # Nodes start a thousand times in a test run: what Python has compiled is kept.
@@ -16,7 +15,7 @@ export PYTHONDONTWRITEBYTECODE :=
 help:
 	@echo "make demo    run the paper's demonstration; see results/demo/"
 	@echo "make hosts-demo   the same on three computers, made of this machine's namespaces; see results/hosts_demo/"
-	@echo "make test    JOBS=3: run every test, so many robots at once"
+	@echo "make test    JOBS=2: run every test, so many robots at once"
 	@echo "make test-long   the same with five times as many random cases, and more trials on robots"
 	@echo "make docs    the documentation as a site (Debian 12); see build/docs/index.html"
 	@echo "make deb     Debian packages for the ROS of this system; see build/deb/"

@@ -52,35 +52,39 @@ def test_one_that_the_som_contains_is_ended_as_its_substitute_publishes() -> Non
     assert logged(said, "is killed: the SOM says so")
 
 
-@pytest.mark.parametrize("uri, killed", [("http://here:1/", True), ("http://here:2/", False)])
-def test_a_process_that_was_good_is_killed_and_its_successor_starts_clean(
-    uri: str, killed: bool
-) -> None:
-    """As one that says what is not a number while it warms up."""
+def warming_up() -> Robot:
+    """Return a robot whose node was good, and then said what is no number from its start, twice."""
     robot = Robot()
     robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
     robot.table(2.0)
-    robot.row("/a", A, "failed", 10.0)
-    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None, "uri": uri}
-    robot.rows["/a", A] = replace(robot.rows["/a", A], **wrong)
-    assert has(robot.table(10.0), FindNode) is killed
-    assert logged(robot.said, "is killed: " if killed else "was never good: it may not be ready")
-    if not killed:
-        robot.row("/a", A, "healthy", 12.0)
-        assert last_incident(robot.table(12.0)).state is State.RETURNING
+    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None}
+    for time, uri in ((10.0, "http://here:2/"), (20.0, "http://here:3/")):
+        robot.row("/a", A, "failed", time, first=time)
+        robot.rows["/a", A] = replace(robot.rows["/a", A], uri=uri, **wrong)
+        robot.said.clear()
+        robot.table(time)
+        assert has(robot.said, FindNode) is (time == 10.0)
+        if time == 10.0:
+            robot.handle(NodeFound(time + 0.1, A, Where.HERE))
+            robot.handle(events.NodeLeft(time + 0.2, A))
+            del robot.rows["/a", A]
+            robot.table(time + 0.3)
+    return robot
+
+
+def test_the_first_bad_successor_of_a_good_process_is_killed_and_the_next_may_warm_up() -> None:
+    robot = warming_up()
+    assert not has(robot.said, FindNode)
+    assert logged(robot.said, "was never good: it may not be ready")
+    robot.row("/a", A, "healthy", 22.0)
+    assert last_incident(robot.table(22.0)).state is State.RETURNING
 
 
 def test_a_successor_that_is_not_good_in_a_minute_had_its_time_to_warm_up() -> None:
     """As a sensor that is broken for good, and that its launch starts again."""
-    robot = Robot()
-    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
-    robot.table(2.0)
-    robot.row("/a", A, "failed", 10.0, first=10.0)
-    wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None}
-    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:2/", **wrong)
-    assert not has(robot.table(10.0), FindNode)
-    for time in range(11, 140):
+    robot = warming_up()
+    for time in range(21, 150):
         robot.handle(events.Tick(float(time)))
         if has(robot.said, FindNode):
             break
-    assert 70.0 <= time < 135.0
+    assert 80.0 <= time < 145.0

@@ -35,6 +35,10 @@ class FedState:
                     self.whole[name] = value
             self._waiting.append(changes)
 
+    def knows(self, service: str) -> bool:
+        """Asked by the server."""
+        return service in self.whole["services"] or self.history.knows(service)
+
     def document(self, now: float) -> Document:
         """Asked by the server."""
         return self.whole

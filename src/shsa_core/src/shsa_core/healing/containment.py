@@ -21,8 +21,8 @@ class Charge:
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
     lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
     `useful`: what it publishes well, on the failed topic too.
-    `was_good`: its process has published the failed topic well before. `gated`: a gate stands
-    between it and the consumers of that topic. `elsewhere`: it is on another computer than healing.
+    `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
+    the consumers of that topic. `elsewhere`: it is on another computer than healing.
     """
 
     node: str

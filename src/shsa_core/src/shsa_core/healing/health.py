@@ -50,6 +50,7 @@ class Health:
         self.startable: Set[str] = set()
         self.templates: Dict[Key, bytes] = {}
         self._lives: Dict[Key, str] = {}  # the address of the process that was well last
+        self._successors: Dict[Key, str] = {}  # of the one that was not, after that
         self.consumers: Dict[str, Tuple[str, ...]] = {}
         self.due = inf
         self._told_at: Dict[Key, str] = {}  # the computer whose monitor tells
@@ -72,15 +73,17 @@ class Health:
         return row is not None and row.is_well
 
     def was_good(self, key: Key, warm: float) -> bool:
-        """Tell that the process that publishes a topic has published it well.
+        """Tell that a topic was good, so that the process that publishes it now is to blame.
 
-        A former one counts if this one was first heard before `warm`: it has had time to warm up.
+        That is asked of it, and of its first successor. Whoever comes after these may warm up, and
+        has had its time for that if it was first heard before `warm`.
         """
         row = self.row(key)
         if key not in self.templates or row is None:
             return key in self.templates
         same = not row.uri or self._lives.get(key, "") in ("", row.uri)
-        return same or (row.first_message is not None and row.first_message < warm)
+        first = same or self._successors.setdefault(key, row.uri) == row.uri
+        return first or (row.first_message is not None and row.first_message < warm)
 
     @property
     def doomed(self) -> Set[str]:
@@ -169,6 +172,7 @@ class Health:
         if row.is_well or row.last_good is not None:
             self.templates.setdefault(row.key, b"")
             self._lives[row.key] = row.uri
+            self._successors.pop(row.key, None)
         if row.is_well and row.last_message:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
@@ -193,6 +197,7 @@ class Health:
             self.verified.discard(node)
         if node in self.substitutes:
             self._lives.pop(key, None)  # its name is not used again
+            self._successors.pop(key, None)
             self.templates.pop(key, None)
 
     def gone(self, node: str, time: float) -> None:
