@@ -10,6 +10,7 @@ from shsa_core.healing.events import AskToLeave, EndProcess, FindNode, NodeFound
 from shsa_core.healing.incident import State
 from shsa_core.model.kinds import Contain, Kind, Policy
 from shsa_core.model.log import Level
+from shsa_core.model.som import Som
 
 
 def logged(said: List[events.Command], text: str) -> bool:
@@ -88,3 +89,41 @@ def test_a_successor_that_is_not_good_in_a_minute_had_its_time_to_warm_up() -> N
         if has(robot.said, FindNode):
             break
     assert 80.0 <= time < 145.0
+
+
+def test_an_event_driven_node_that_ends_later_is_started_again() -> None:
+    """It closed its connections, and ran on until its launch ended it."""
+    first, *others = SOM.services.values()
+    restarts = replace(first, period=None, policy=Policy.RESTART)
+    robot = Robot(Som([restarts, *others]), restart_pause=1.0)
+    robot.fail("/a", A, 10.0)
+    robot.handle(NodeFound(10.1, A, Where.HERE))
+    found = [robot.handle(events.Tick(10.0 + time)) for time in range(1, 5)]
+    assert any(has(each, FindNode) for each in found)
+    robot.handle(NodeFound(14.1, A, Where.DEAD))
+    robot.handle(events.NodeLeft(14.2, A))
+    assert only(robot.handle(events.Tick(16.0)), events.RestartNode).node == A
+
+
+def test_what_remains_of_a_node_that_ends_later_is_cleared() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0)
+    robot.handle(NodeFound(10.1, A, Where.HERE))
+    assert not has(robot.said, AskToLeave)
+    robot.said.clear()
+    robot.handle(events.Tick(13.0))
+    assert only(robot.said, FindNode).node == A
+    robot.handle(NodeFound(13.1, A, Where.DEAD))
+    assert has(robot.said, events.ClearNode) and last_incident(robot.said).killed is not None
+
+
+def test_the_life_of_a_node_that_has_just_come_is_not_ended_for_the_former_one() -> None:
+    robot = Robot(changed(SOM, "a", policy=Policy.RESTART_AND_SUBSTITUTE))
+    robot.fail("/a", A, 10.0)
+    robot.handle(NodeFound(10.01, A, Where.HERE))
+    robot.row("/a", A, "unknown", 11.5)
+    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:2/", last_good=None)
+    robot.table(11.5)
+    robot.said.clear()
+    robot.handle(events.Tick(12.1))
+    assert not has(robot.said, FindNode)

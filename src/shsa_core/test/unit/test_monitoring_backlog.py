@@ -157,3 +157,15 @@ def test_a_pause_that_nothing_makes_up_for_is_a_low_rate() -> None:
     link.stream(2.0, 5.0)
     link.stream(6.5, 8.0)
     assert link.failures == [Kind.RATE_LOW]
+
+
+@pytest.mark.parametrize("rate", [90.0, 500.0])
+def test_a_node_that_was_silent_for_long_is_too_fast_as_soon_as_any(rate: float) -> None:
+    link = Link(stamped=True)
+    link.stream(1.0, 5.0)
+    link.feed(Tick(6.0))
+    link.stream(65.0, 66.0)
+    told = len(link.failures)
+    for number in range(round(rate)):
+        link.hear(66.0 + number / rate)
+    assert link.failures[told:] == [Kind.RATE_HIGH]

@@ -44,9 +44,10 @@ def test_a_node_that_changes_its_type_is_silent() -> None:
     assert bench.state() == "healthy"
 
 
-def test_a_node_that_always_had_another_type_is_not_missed() -> None:
+@pytest.mark.parametrize("period", [PERIOD, None])
+def test_a_node_that_always_had_another_type_is_not_missed(period: float) -> None:
     """The SOM may be wrong."""
-    bench = Bench(settings=replace(SETTINGS, startup_grace=1.0))
+    bench = Bench(service(period=period), settings=replace(SETTINGS, startup_grace=1.0))
     bench.connect()
     foreign(bench, 100)
     assert bench.failures == []

@@ -194,8 +194,10 @@ def test_a_connection_that_has_ended_begins_no_bridge_and_soon_ends_one() -> Non
     assert robot.filled[-1] < 3.2 + 2 * BRIDGE + 2 * PERIOD
 
 
-def test_at_high_rates_a_connection_that_has_ended_is_bridged_for_a_moment() -> None:
-    robot = Robot(bridges(bridge=0.0025, outputs=(signal("/out", period=0.001),)))
+@pytest.mark.parametrize("period", [0.001, PERIOD])
+def test_at_high_rates_a_connection_that_has_ended_is_bridged_for_a_moment(period: float) -> None:
+    """Or where it is much faster than its row says."""
+    robot = Robot(bridges(bridge=0.0025, outputs=(signal("/out", period=period),)))
     robot.stream(1.0, 0.001)
     robot.stands = False
     robot.to(2.0)

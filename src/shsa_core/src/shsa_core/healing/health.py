@@ -81,7 +81,7 @@ class Health:
         row = self.row(key)
         if key not in self.templates or row is None:
             return key in self.templates
-        same = not row.uri or self._lives.get(key, "") in ("", row.uri)
+        same = not row.uri or self._lives.get(key) == row.uri
         first = same or self._successors.setdefault(key, row.uri) == row.uri
         return first or (row.first_message is not None and row.first_message < warm)
 
@@ -94,7 +94,8 @@ class Health:
         """Tell that a dying node has another life: two monitors know the same port of one."""
         port = self.dying.get(node, "").rpartition(":")[2]
         rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
-        return port != "" and bool({row.uri.rpartition(":")[2] for row in rows} - {"", port})
+        ports = {row.uri.rpartition(":")[2] for row in rows if not row.has_failed}
+        return port != "" and bool(ports - {"", port})
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""

@@ -188,8 +188,7 @@ class Kills:
             return []
         if isinstance(event, events.NodeLeft):
             how = "it did not leave in time, its process was killed" if kill.forced else "it left"
-            left = kill.begun if self._health.succeeded(node) else time
-            return [*self._over(left, node, True, how), events.ClearNode(node)]
+            return [*self._over(time, node, True, how), events.ClearNode(node)]
         why = event.detail or "it does not leave, and its process belongs to somebody else"
         return self._over(time, node, False, why)
 
@@ -300,6 +299,7 @@ class Kills:
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""
         kill = self._kills[node]
+        time = kill.begun if self._health.succeeded(node) else time
         if certain:
             self._tries.pop(node, None)
         elif kill.order.if_dead:

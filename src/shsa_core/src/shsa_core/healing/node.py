@@ -45,6 +45,7 @@ class Accusation:
     gated: bool = False
     back: bool = False  # it publishes again
     reprieves: int = 0  # from being killed as silent, since it spoke
+    spared: bool = False  # it was told to be gone, and runs
 
     @property
     def kept(self) -> bool:
@@ -114,6 +115,7 @@ class Nodes:
         accusations = self._cases.setdefault(node, Case()).accusations
         found = accusations.setdefault(service.name, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
+        found.spared = False
         found.gated = service.gated
         return found
 
@@ -147,7 +149,8 @@ class Nodes:
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         restarted &= node in self._health.startable
         if service.event_driven and accusation.silent:
-            cut = accusation.kind is Kind.SILENT or bool(self._robot.host_of(node))
+            silent = accusation.kind is Kind.SILENT and not accusation.spared
+            cut = silent or bool(self._robot.host_of(node))
             restarted &= not cut  # it need not say a thing: only a connection was lost, or a link
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
@@ -167,7 +170,9 @@ class Nodes:
             accusation.fate = Fate.KEPT
             if gone and not was_kept and service.policy is not Policy.ADVISE:
                 commands += self.kills.order(self._order(service, accusation))
-        news = accusation.decision != before and not (was_kept and accusation.silent)
+        news = accusation.decision != before and (
+            verdict.kill or not (was_kept and accusation.silent)
+        )
         if news and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
@@ -211,20 +216,28 @@ class Nodes:
         commands: List[Command] = []
         for name in self.accusers(node):
             service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
-            if service is None or accusation.back or accusation.kept:
+            if service is None or accusation.back or (accusation.kept and not accusation.spared):
+                continue
+            if accusation.kept:
+                clear = KillNode(node, service.topic, if_dead=True)
+                commands += self.kills.begin(self._robot.time, clear)
                 continue
             if accusation.silent and self._speaks(service, accusation):
                 accusation.reprieves += 1
                 self.kills.wait(node, service.period or 0.0)
             else:
                 order = self._order(service, accusation)
-                commands += self.kills.order(replace(order, only_here=False))
+                commands += self.kills.order(replace(order, only_here=False, if_dead=False))
         return commands
 
     def _speaks(self, service: Service, accused: Accusation) -> bool:
         """Tell that a node was heard so lately that it may not be silent any more, or trickles."""
         row = self._health.row((service.topic, accused.node))
-        if row is None or row.last_good is None or accused.reprieves >= REPRIEVES:
+        if row is None or accused.reprieves >= REPRIEVES:
+            return False
+        if not row.has_failed:  # it is connected anew, perhaps as another process that starts up
+            return True
+        if row.last_good is None:
             return False
         patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
         return row.last_good > max(row.since, self._robot.time - patience)
@@ -247,8 +260,9 @@ class Nodes:
             kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
             for each in accusations:
-                each.kind = Kind.SILENT
+                each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
+            self.kills.wait(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)

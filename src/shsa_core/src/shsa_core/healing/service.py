@@ -211,7 +211,10 @@ class ServiceMachine:
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:  # it may be killed for its silence
-            return [*self.judge(self.accusation, self.substitute.plan), *self.step()]
+            if self.accusation.back:
+                return self.step()
+            judged = self.judge(self.accusation, self.substitute.plan)
+            return [*judged, *self.step(), *self.replan()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]

@@ -137,7 +137,7 @@ class _Rate:
         """Yield the mean rate, in doubt for the publisher: it waited for us, or in a silence."""
         came, due = message.time - message.waited, message.time - backlog.owed
         made_up = min(came, due) if backlog.makes_up else came
-        self.times.append((min(came, due), message.time, message.apart or 0.0, made_up))
+        self.times.append((made_up, message.time, message.apart or 0.0, made_up))
         if self.is_known:
             yield self.sample(self._period, self._fastest)
 

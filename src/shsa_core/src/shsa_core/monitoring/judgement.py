@@ -68,11 +68,13 @@ class Judgement:
         watched = publisher.watched
         if publisher.name == watched.service.node and not watched.formerly[0]:
             watched.come()
-        if publisher.is_healthy:
+        if publisher.is_healthy and watched.heard:
             self._board.fail(publisher, Kind.SILENT, why)
             publisher.begin_anew()
-        else:
-            self._board.note(publisher, why)
+            return
+        if publisher.is_healthy:  # by its connection alone
+            self._board.mute(publisher)
+        self._board.note(publisher, why)
 
     def silence(self, publisher: Publisher) -> None:
         """Excuse or blame who is silent for longer than it is allowed."""

@@ -217,6 +217,7 @@ class Monitor:
         if previous is None or excused:
             self._board.look_when_due(publisher)
         publisher.watched.come()
+        publisher.watched.heard = True
         period, backlog = publisher.service.period or 0.0, publisher.evidence.backlog
         allowed = publisher.allowed if period else inf
         if backlog.holds(event.time, event.age, allowed, event.waited, period):

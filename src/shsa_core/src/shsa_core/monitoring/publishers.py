@@ -32,6 +32,7 @@ class WatchedService:
     came: bool = False  # a message, or somebody connected if it is event-driven
     learned: Learned = field(default_factory=dict)  # of its node's values
     gaps: Optional[LearnedDeadline] = None  # between its messages; None: its deadline is fixed
+    heard: bool = False  # a message that could be read
     bridged: int = 0  # so often did a muted substitute fill in for it
 
     def come(self) -> None:

@@ -32,6 +32,7 @@ class OtherPublishers:
         self._watch = Watch()
         self._since = -math.inf  # when they were heard, or it began to listen
         self._anybody = -math.inf  # the same, with strangers
+        self._counted = -math.inf  # when the first of those came that came at once
         self.cut = False  # the reconfigurator is out of reach
         self._publishing = self._yields = False
         self._deadline = math.inf
@@ -98,19 +99,20 @@ class OtherPublishers:
 
     def _note_pace(self, passed: float) -> None:
         """Note the silence before a message; of some that came at once, each had its share."""
-        if passed <= self._at_once:
+        apart = self._watch.passed(self._counted)
+        if passed <= self._at_once and apart < self.bridge / 2.0:
             self._came += 1
             if self._was_late:  # it makes up for that, as who sends in batches always does
                 self._steady = 0
             return
-        self._was_late = self.original.late
+        self._counted, self._was_late = self._watch.now, self.original.late
         if self._steady < STEADY and passed >= self.bridge:
             self._steady, self._longest, self._gap = 0, 0.0, 0.0
             return
         self._steady = min(self._steady + 1, STEADY)
         before = min(self._gap / self._came, self.bridge / LATE)
         self._longest = max(self._longest * FADES**self._came, before)
-        self._gap, self._came = passed, 1
+        self._gap, self._came = apart, 1
 
     def gone(self, event: OtherGone) -> None:
         """The node of somebody else is gone: nobody has to wait for its silence."""

@@ -18,9 +18,12 @@ from rospy.impl.tcpros import get_tcpros_handler
 from shsa_core.agenda import doubled
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
-from shsa_core.ros.master.node_api import master_api, topics, uri_of
+from shsa_core.ros.master.node_api import topics, uri_of
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
+
+LEFT_PAUSES = 7
+"""About a minute: whoever advertises a topic anew later is told of by the master."""
 
 
 def refuses(host: str, uri: str) -> bool:
@@ -114,7 +117,7 @@ class Reconnection:
         """Ask those again who took too long; who never stood is forgotten."""
         now, found = _now(), []
         for doubt in [each for each in self._doubts.values() if each.until <= now]:
-            if not doubt.publisher:
+            if not doubt.publisher or (doubt.left and doubt.pauses > LEFT_PAUSES):
                 self._end(doubt)
                 continue
             found += [] if doubt.pauses or doubt.left else [doubt]
@@ -170,8 +173,7 @@ class Reconnection:
             gone = not isinstance(error, OSError) or isinstance(error, ConnectionError)
             if not gone and doubt.pauses:  # who is listed no more would count for nobody
                 with suppress(*FAILURES):
-                    listed = dict(master_api().getSystemState()[0]).get(doubt.topic, ())
-                    gone = doubt.uri not in map(uri_of, listed)
+                    gone = uri_of(doubt.publisher) != doubt.uri
         finally:  # whatever a strange node answers, it is not willing
             self._tell(doubt.topic, lambda: self._answered(doubt, willing, gone))
 
