@@ -165,6 +165,7 @@ def test_an_unhealed_topic_is_tried_again_with_growing_pauses() -> None:
     robot.rows.clear()
     robot.table(9.0)
     robot.fail("/a", A, 10.0)
+    robot.killed(10.0, A)
     assert robot.core.deadline == 12.0
     robot.table(11.0)
     assert robot.core.deadline == 12.0
