@@ -6,7 +6,6 @@ import socket
 import subprocess
 import threading
 import xmlrpc.client
-from functools import partial
 from typing import Any, Callable, Dict, Iterator, List
 
 import psutil
@@ -373,7 +372,7 @@ def test_a_node_of_healing_is_not_ended(master: object, tmp_path: pathlib.Path, 
     program.write_text("#!/bin/sh\nread line\n")
     program.chmod(0o755)
     with subprocess.Popen([str(program)], stdin=subprocess.PIPE) as process:
-        why = partial(kernel.never_to_end, psutil.Process(process.pid))
+        why = lambda: kernel.never_to_end(psutil.Process(process.pid))
         wait_until(lambda: "belongs to healing" in why(), 10.0, "the kernel tells what it runs")
 
 

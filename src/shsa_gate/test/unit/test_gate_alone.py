@@ -4,7 +4,11 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2] / "src" / "shsa_gate"
-FORBIDDEN = "genpy,matplotlib,networkx,numpy,pint,rosgraph,roslib,rospy,shsa_msgs,std_msgs"
+FILES_AND_SHELLS = "shsa_core.files,shsa_core.ros,yaml,"
+FORBIDDEN = (
+    FILES_AND_SHELLS
+    + "genpy,matplotlib,networkx,numpy,pint,rosgraph,roslib,rospy,shsa_msgs,std_msgs"
+)
 SCRIPT = """
 import importlib, sys
 sys.modules.update(dict.fromkeys(sys.argv[1].split(",")))  # importing one of them fails

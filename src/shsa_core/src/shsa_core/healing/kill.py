@@ -79,14 +79,10 @@ Said = Union[Command, KillOver]
 
 @dataclass
 class _Kill:
-    """The kill of a node; `topics`: what it failed on, and whether it was looked at for that.
-
-    `uri`: the address of the life that failed; who is well elsewhere is another one.
-    """
+    """The kill of a node; `topics`: what it failed on, and whether it was looked at for that."""
 
     begun: float
     order: KillNode
-    uri: str
     topics: Dict[str, bool] = field(default_factory=dict)
     where: Optional[Where] = None
     answered: bool = False
@@ -169,8 +165,8 @@ class Kills:
         if not node or kill is not None:
             return []
         row = self._health.rows.get(order.topic, {}).get(node)
-        self._kills[node] = _Kill(time, order, row.uri if row else "", {order.topic: True})
-        self._health.dying[node] = self._kills[node].uri
+        self._kills[node] = _Kill(time, order, {order.topic: True})
+        self._health.dying[node] = row.uri if row else ""
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
@@ -288,7 +284,7 @@ class Kills:
         kill = self._kills[node]
         self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
         urgent, spares = not kill.order.if_dead, not kill.order.quick
-        return events.FindNode(node, urgent, topic, kill.listen, kill.uri, spares)
+        return events.FindNode(node, urgent, topic, kill.listen, self._health.dying[node], spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False

@@ -110,7 +110,7 @@ class _Rate:
         judged = any(check.sample is RateSample for check in service.checks.each)
         self._judged = judged and service.period is not None
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._judged else 0
-        self.times: Deque[Tuple[float, float, float, float]] = deque(maxlen=count + 1)
+        self.times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
 
     @property
     def is_known(self) -> bool:
@@ -137,7 +137,7 @@ class _Rate:
         """Yield the mean rate, in doubt for the publisher: it waited for us, or in a silence."""
         came, due = message.time - message.waited, message.time - backlog.owed
         made_up = min(came, due) if backlog.makes_up else came
-        self.times.append((made_up, message.time, message.apart or 0.0, made_up))
+        self.times.append((made_up, message.time, message.apart or 0.0))
         if self.is_known:
             yield self.sample(self._period, self._fastest)
 
@@ -150,7 +150,7 @@ class _Rate:
         """Return the rate, to be judged by a period."""
         first, last = self.times[0], self.times[-1]
         longest = last[1] - first[0] + last[2] - first[2]
-        return RateSample(len(self.times) - 1, period, longest, last[3] - first[1], fastest)
+        return RateSample(len(self.times) - 1, period, longest, last[0] - first[1], fastest)
 
 
 class _FormulaRun:
