@@ -1,11 +1,10 @@
 """A node that fails on command (`rosrun shsa_testing faulty_publisher`), and a test's handle."""
+import errno
 import math
-import os
 import random
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from functools import partialmethod
@@ -46,10 +45,12 @@ class Silences:
 
 
 def _address(node: str) -> str:
-    """Return the socket on which a node hears its faults: ROS, and so healing, sees none of it."""
+    """Return the socket on which a node hears its faults: ROS, and so healing, sees none of it.
+
+    It is an abstract one: no file outlives a killed node, to be in the way of another user's.
+    """
     port = urlparse(rosgraph.get_master_uri()).port
-    name = f"shsa_fault_{port}{node.replace('/', '.')}"
-    return os.path.join(tempfile.gettempdir(), name)
+    return f"\0shsa_fault_{port}{node}"
 
 
 class FaultyPublisher:
@@ -86,11 +87,7 @@ class FaultyPublisher:
         takes, self.farewell = rospy.get_param("~takes", ""), rospy.get_param("~farewell", "")
         if takes:
             rospy.Subscriber(takes, rospy.AnyMsg)
-        address = _address(rospy.get_name())
-        if os.path.exists(address):
-            os.unlink(address)
         self.faults = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self.faults.bind(address)
         threading.Thread(target=self.listen, daemon=True).start()
 
     def advertise(self) -> rospy.Publisher:
@@ -98,9 +95,20 @@ class FaultyPublisher:
         return rospy.Publisher(self.topic, Float64Stamped, queue_size=100, tcp_nodelay=True)
 
     def listen(self) -> None:
-        """Obey each command that comes."""
+        """Obey each command that comes, as soon as no older node of the name hears them."""
+        while not self._bound():
+            time.sleep(0.01)
         while True:
             self.obey(self.faults.recv(1000).decode())
+
+    def _bound(self) -> bool:
+        try:
+            self.faults.bind(_address(rospy.get_name()))
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                raise
+            return False
+        return True
 
     def obey(self, command: str) -> None:
         """Fail as commanded."""
@@ -167,7 +175,7 @@ class FaultHandle:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
             try:
                 sender.sendto(command.encode(), _address(self.name))
-            except (FileNotFoundError, ConnectionRefusedError):
+            except ConnectionRefusedError:
                 return False  # it is not up yet
         return True
 
