@@ -185,6 +185,24 @@ def test_who_is_heard_is_told_whether_the_reconfigurator_is_in_reach(
     assert not heart.cut_off and signs.last.get("/test")  # an answer does not hold for ever
 
 
+def test_who_hears_goes_on_after_an_error(role: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    failures = [RuntimeError("no memory")]
+
+    def answer() -> bytes:
+        if failures:
+            raise failures.pop()
+        return b"7"
+
+    heart, _ = Heart(role), Signs(role, answer)
+
+    def told() -> bool:
+        heart.beat(at_once=True)
+        return heart.answer == b"7"
+
+    wait_until(told, 10.0, "it is answered again")
+
+
 def test_the_one_that_came_last_hears(role: str) -> None:
     first, second = Signs(role), Signs(role)
     Heart(role).beat()

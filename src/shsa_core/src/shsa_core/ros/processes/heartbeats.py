@@ -8,7 +8,6 @@ import hashlib
 import os
 import socket
 import struct
-import threading
 import time
 from contextlib import suppress
 from typing import Callable, Dict, Iterable, NamedTuple, Optional, Tuple
@@ -19,7 +18,7 @@ import rospy
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import register_again
 from shsa_core.ros.trust.places import master_place
-from shsa_core.ros.workers import Workers
+from shsa_core.ros.workers import Workers, repeating
 
 CREDENTIALS = struct.Struct("3i")
 SPACE = socket.CMSG_SPACE(CREDENTIALS.size)
@@ -110,17 +109,16 @@ class Signs:
         except OSError as error:
             rospy.logwarn("Heartbeats cannot be received; a hung process goes unnoticed: %s", error)
             return
-        threading.Thread(target=self._work, name="heartbeats", daemon=True).start()
+        repeating("heartbeats", settings.REST_S, self._work).start()
 
     def _work(self) -> None:
         while True:
             name, extra, _, address = self._socket.recvmsg(LONGEST_B, SPACE)
             pid = sender(extra)
-            if pid is None:
-                continue
-            self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
-            with suppress(OSError):  # it has ended, or does not listen; nobody is waited for
-                self._socket.sendto(self._answer(), socket.MSG_DONTWAIT, address)
+            if pid is not None:
+                self.last[name.decode("utf-8", "replace")] = Sign(pid, time.monotonic())
+                with suppress(OSError):  # it has ended, or does not listen; nobody is waited for
+                    self._socket.sendto(self._answer(), socket.MSG_DONTWAIT, address)
 
 
 def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
