@@ -1,11 +1,19 @@
 """Each command goes to the computer that it is about."""
+import errno
+import threading
+import time
 from types import SimpleNamespace
 from typing import Any, List, Tuple
+from unittest.mock import Mock
 
 import pytest
 import rospy
 
+from shsa_core.errors import ShsaError
 from shsa_core.healing import events
+from shsa_core.hosts.conversation import AgentEnd
+from shsa_core.ros import settings
+from shsa_core.ros.agent import agent
 from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.settings import QUEUE
 
@@ -103,3 +111,28 @@ def test_what_waits_for_an_agent_that_hangs_is_bounded(
     robot.hosts._signing = SimpleNamespace(signer=lambda *what: None)
     robot.hosts._host("pi")
     assert 0 < made[0]["queue_size"] <= QUEUE
+
+
+def test_an_agent_goes_on_to_look_if_the_master_knows_it_after_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    failures = [OSError(errno.EMFILE, "too many open files")]
+
+    def started_by_launch(_: int) -> bool:
+        if failures:
+            raise failures.pop()
+        return True
+
+    monkeypatch.setattr(agent.kernel, "started_by_launch", started_by_launch)
+    forgetful = SimpleNamespace(getSystemState=lambda: [[], [], []])
+    monkeypatch.setattr(agent, "master_api", lambda: forgetful)
+    monkeypatch.setattr(settings, "LOOK_S", 0.2)
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    end = time.monotonic() + 10.0
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: time.monotonic() > end)
+    node = agent.AgentNode.__new__(agent.AgentNode)
+    parts = {"_name": "pi", "_topic": "agent", "_load": Mock(), "_say": Mock(), "_host": Mock()}
+    vars(node).update(parts, _end=AgentEnd(1.0), _lock=threading.Lock(), _followed=lambda: True)
+    node._forgotten = threading.Event()
+    with pytest.raises(ShsaError, match="the master was started anew"):
+        node.spin()

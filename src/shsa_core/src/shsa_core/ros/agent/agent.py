@@ -28,6 +28,7 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
+from shsa_core.ros.workers import repeating
 
 
 class AgentNode:
@@ -62,7 +63,7 @@ class AgentNode:
         Raises ShsaError if another agent must follow, as the master does not know us.
         """
         rospy.loginfo("Agent of %s ready.", self._name)
-        threading.Thread(target=self._watch_master, name="master", daemon=True).start()
+        repeating("master", settings.LOOK_S, self._look_at_master).start()
         while not rospy.is_shutdown():
             self._load.look(clock.now())
             with self._lock:
@@ -76,15 +77,14 @@ class AgentNode:
         with self._lock:
             return b"" if self._end.session == 0 or self._end.is_open(clock.now()) else CUT_OFF
 
-    def _watch_master(self) -> None:
-        """Look now and then if the master knows us: a reconfigurator that follows must find us."""
+    def _look_at_master(self) -> None:
+        """Look if the master knows us: a reconfigurator that follows must find us."""
         us, topic = rospy.get_name(), rospy.resolve_name(self._topic)
-        while not self._forgotten.is_set() and kernel.started_by_launch(os.getpid()):
-            rospy.rostime.wallsleep(settings.LOOK_S)
-            with self._lock:
-                heard = self._end.is_open(clock.now())
-            with suppress(*FAILURES):
-                if not heard and us not in dict(master_api().getSystemState()[0]).get(topic, ()):
+        with self._lock:
+            heard = self._end.is_open(clock.now())
+        with suppress(*FAILURES):
+            if not (heard or self._forgotten.is_set()) and kernel.started_by_launch(os.getpid()):
+                if us not in dict(master_api().getSystemState()[0]).get(topic, ()):
                     self._forgotten.set()
 
     def _received(self, message: msg.HostCommand) -> None:
