@@ -1,10 +1,11 @@
 """Nodes that were started again: known by their mark to who comes after who started them."""
+import errno
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator
+from typing import Any, Callable, Dict, Iterator, List
 
 import psutil
 import pytest
@@ -12,7 +13,7 @@ import rospy
 
 from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children
-from shsa_core.ros.processes.kernel import identity
+from shsa_core.ros.processes.kernel import identity, robot_processes
 from shsa_core.ros.processes.restarting import MARK, Restarts, _Start
 from shsa_testing.waiting import wait_until
 
@@ -54,6 +55,26 @@ def test_a_node_that_was_started_again_is_known_by_what_runs(started: psutil.Pro
     assert heir.abandoned(ending=True) == []  # we have started it, and live
     heir._children.stop(NODE)
     wait_until(lambda: restarts().take_up() == [], 5.0, "it has ended")
+
+
+def test_who_ends_while_it_is_looked_at_hides_nobody_and_a_look_without_means_is_none(
+    started: psutil.Process, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = psutil.Process.environ
+    errors: List[OSError] = []
+
+    def environ(process: psutil.Process) -> Any:
+        if process.pid == os.getpid():
+            raise errors[-1]
+        return look(process)
+
+    monkeypatch.setattr(psutil.Process, "environ", environ)
+    for why in (errno.ENOENT, errno.ESRCH):
+        errors.append(OSError(why, "it is not there"))
+        assert started.pid in [each.process.pid for each in robot_processes()]
+    errors.append(OSError(errno.EMFILE, "too many open files"))
+    with pytest.raises(OSError):
+        list(robot_processes())
 
 
 def test_who_ends_with_us_is_whose_starter_has_started_us(

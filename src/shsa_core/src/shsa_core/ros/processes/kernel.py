@@ -50,7 +50,7 @@ def robot_processes() -> Iterator[Running]:
             uri = seen.variables.get("ROS_MASTER_URI")
             if uri not in places:
                 places[uri] = master_place(seen.variables)
-        except (psutil.Error, ValueError):
+        except (psutil.Error, FileNotFoundError, ProcessLookupError, ValueError):
             continue  # it has ended, is somebody else's, or of no master at all
         if places[uri] == ours and is_ours(process):
             yield seen
