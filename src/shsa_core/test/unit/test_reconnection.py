@@ -2,7 +2,7 @@
 import os
 import struct
 import time
-from typing import Any, Sized, Tuple
+from typing import Any, List, Sized, Tuple
 
 import pytest
 import rospy
@@ -191,6 +191,19 @@ def test_a_node_that_was_cut_off_for_long_is_connected_again(
     monitor.until(lambda: "Connected" in monitor.kinds())
     assert monitor.kinds() == ["Interrupted", "Disconnected", "Connected"]
     assert not monitor.connections._reconnection._doubts
+
+
+def test_who_is_silent_for_long_holds_up_nobody_else(
+    monitor: Monitor, node: Node, monkeypatch: Any
+) -> None:
+    """A computer that is off refuses nothing: a look at it takes as long as it may."""
+    cut_off(monitor, node, monkeypatch)
+    looks: List[str] = []
+    look = "shsa_core.ros.sockets.reconnection.refuses"
+    monkeypatch.setattr(look, lambda host, uri: looks.append(uri))
+    asked = node.asked
+    monitor.until(lambda: node.asked >= asked + 2)
+    assert looks == []
 
 
 def test_who_dies_while_it_is_cut_off_is_gone_for_certain(

@@ -4,7 +4,7 @@ A lost connection alone is no evidence: a rospy subscriber that is told of a pub
 two connections, and each end may drop another one; a publisher may drop a slow subscriber. What a
 node that has gone cannot do is listen at its own address, or offer any topic: one that lives and
 offers others has left this one. Who does not answer may be cut off, or wait for a processor: it is
-asked again, ever more seldom, while it is listed.
+asked again, ever more seldom, while it is listed; by workers alone, as its computer may be off.
 """
 import socket
 from contextlib import suppress
@@ -142,7 +142,7 @@ class Reconnection:
     def _settle(self, doubt: Doubt) -> List[Doubt]:
         if doubt.waits or doubt.implementation.connects(doubt.uri):
             return []
-        doubt.gone = doubt.gone or self.is_gone(doubt.host, doubt.uri)
+        doubt.gone = doubt.gone or (not doubt.pauses and self.is_gone(doubt.host, doubt.uri))
         if doubt.gone:
             return [self._end(doubt)] if doubt.publisher else []
         if doubt.tries < settings.TRIES:
