@@ -29,7 +29,8 @@ class Seen(NamedTuple):
     that they have of our master. `users`: the user of each node of the SOM whose process is here;
     `user`: that of healing, empty if it does not run. `clocks`: what healing tells of computers
     whose clock is off, and of values that are `unusual`. `incidents`: of the last hour. `types`:
-    why a type cannot be used here. `duties`: what nodes of the SOM do beyond it.
+    why a type cannot be used here. `duties`: what nodes of the SOM do beyond it. `log`: why the
+    incident log cannot be read; empty: it can.
     """
 
     som: Som
@@ -46,6 +47,7 @@ class Seen(NamedTuple):
     incidents: Sequence[Incident] = ()
     types: Sequence[str] = ()
     duties: Mapping[str, Sequence[str]] = {}
+    log: str = ""
 
 
 def findings(seen: Seen) -> List[Finding]:
@@ -87,6 +89,12 @@ def _secret(seen: Seen) -> Iterator[Finding]:
     if seen.secret:
         remedy = "run healing and its tools as one user; what they share is made at the first start"
         yield Finding(seen.secret, remedy)
+
+
+def _log(seen: Seen) -> Iterator[Finding]:
+    if seen.log:
+        remedy = "name the incident log of this robot with --log, as the user that runs healing"
+        yield Finding(f"the incident log {seen.log}", remedy)
 
 
 def _masters(seen: Seen) -> Iterator[Finding]:
@@ -161,5 +169,5 @@ def _healers(seen: Seen) -> Iterator[Finding]:
 
 CHECKS: Tuple[Callable[[Seen], Iterator[Finding]], ...] = (
     *(_secret, _masters, _users, _clocks, _healers, _types),
-    *(_silent, _unheard, _ranges),
+    *(_silent, _unheard, _log, _ranges),
 )

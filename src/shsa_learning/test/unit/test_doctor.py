@@ -1,5 +1,6 @@
 """`shsa doctor`: each finding by what was seen, with a remedy; none on a robot that is well."""
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Dict, List, Optional
 from unittest.mock import Mock
@@ -86,6 +87,7 @@ def test_nothing_is_found_on_a_robot_that_is_well() -> None:
         ({"types": ["odometry: message type a/B is not known here"]}, "a/B is not known"),
         ({"publishers": {**PUBLISHERS, "/r/shsa/som_state": ["/r/reconfigurator"]}}, "beside"),
         ({"publishers": {**PUBLISHERS, "/shsa/som_state": ["/a", "/b"]}}, "/a, /b heal"),
+        ({"log": "/log: cannot be read: No such file or directory"}, "incident log /log: cannot"),
         ({"publishers": LOST}, "/base does not publish /odom, but /stranger"),
     ],
 )
@@ -196,6 +198,19 @@ def test_a_node_is_told_of_once() -> None:
     seen = WELL._replace(som=Som([ODOMETRY, other]), duties=DUTIES)
     assert fates(seen) == fates(seen._replace(publishers={**PUBLISHERS, "/speed": ["/base"]}))
     assert fates(seen._replace(publishers=LOST)) == []
+
+
+@pytest.mark.parametrize("named, is_there, told", [(1, 0, 1), (1, 1, 1), (0, 1, 1), (0, 0, 0)])
+def test_a_log_that_cannot_be_read_is_told_unless_there_is_none_yet(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, named: int, is_there: int, told: int
+) -> None:
+    examination = pytest.importorskip("shsa_learning.ros.examination")
+    log = tmp_path / "incidents.jsonl"
+    if is_there:
+        log.write_text("no incident\n")
+    monkeypatch.setattr(examination, "log_path", lambda _: str(log))
+    incidents, why = examination._recent(str(log) if named else "")
+    assert incidents == [] and why.startswith(str(log)) is bool(told)
 
 
 @pytest.mark.parametrize("act, when", [(True, "now"), (False, "once healing acts")])

@@ -1,4 +1,5 @@
 """Looks at a running robot, its master and its computers, for `shsa doctor`. Changes nothing."""
+import os
 import socket
 import time
 from contextlib import suppress
@@ -46,6 +47,7 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
     som = read_som(som_file, namespace) if som_file else _running(namespace)
     healer = full_name(HEALERS[1], namespace)
     warnings = _warnings()
+    incidents, why = _recent(log)
     users = dict(_users([healer, *dict.fromkeys(each.node for each in som)]))
     return Seen(
         som,
@@ -59,9 +61,10 @@ def examine(som_file: str, secret_file: str, log: str) -> Seen:
         bool(rospy.get_param("/use_sim_time", False)),
         [text for text in warnings if text.startswith("computer ")],
         [text for text in warnings if text.endswith(" are usual")],
-        _recent(log_path(log)),
+        incidents,
         [problem.text for problem in mark_unusable(som)[1]],
         duties_of(som, Names(namespace), *map(read_pairs, listed)),
+        why,
     )
 
 
@@ -123,8 +126,16 @@ def _warnings() -> List[str]:
     return sorted(told.values())
 
 
-def _recent(path: str) -> List[Incident]:
-    """Return the incidents of the last hour; none without a log."""
-    with suppress(ModelError):
-        return [i for i in read_log(path).incidents if i.detected > time.time() - HOUR_S]
-    return []
+def _recent(log: str) -> Tuple[List[Incident], str]:
+    """Return the incidents of the last hour, and why their log cannot be read; empty: it can.
+
+    Without a log there is no incident yet, unless it was named.
+    """
+    path = log or log_path("")
+    if not (log or os.path.lexists(path)):
+        return [], ""
+    try:
+        known = read_log(path).incidents
+    except ModelError as error:
+        return [], str(error)
+    return [each for each in known if each.detected > time.time() - HOUR_S], ""
