@@ -36,6 +36,20 @@ def test_an_address_that_is_none(
     assert told.startswith("shsa: ROS_MASTER_URI is ") and told.count("\n") == 1
 
 
+def test_a_master_on_a_computer_that_nobody_knows(
+    monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    def nowhere(*_: object, **__: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", nowhere)
+    monkeypatch.setenv("ROS_MASTER_URI", "http://nobody:11311")
+    assert main(["inject", "--master"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("shsa: refused: http://nobody:11311 cannot be found: ")
+    assert "service not known" in told and told.count("\n") == 1
+
+
 def test_a_master_that_never_answers(
     monkeypatch: pytest.MonkeyPatch, capsys: Any, som: str
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Dict, List, Optional, Tuple
 import psutil
 
 from shsa_core.model.service import Service
-from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, resolved
+from shsa_core.ros.master.node_api import FAILURES, master_api, node_api, resolved, uri_at
 from shsa_core.ros.trust import owners
 from shsa_injection.errors import Refused
 from shsa_injection.ros import guard, healers
@@ -74,9 +74,13 @@ def find(service: Service) -> Target:
 
 def listening_process(uri: str) -> psutil.Process:
     """Return the process that listens at an address on this computer. Raises Refused."""
-    if not owners.is_local(uri):
+    try:
+        at = resolved(uri)
+    except FAILURES as error:
+        raise Refused(f"{uri} cannot be found: {error}") from error
+    if not owners.is_local(uri_at(at)):
         raise Refused(f"{uri} is on another computer: run the tool there")
-    process = owners.listener(resolved(uri))
+    process = owners.listener(at)
     if process is None:
         raise Refused(f"no process of this user listens at {uri}")
     return process
