@@ -36,6 +36,7 @@ _SLIPS = {
     r"did not find expected key\|\s*\|": "its indentation differs from that of the lines above",
     r"did not find expected key": "a quote or a bracket ends too soon, or one above has no end",
     r"found unexpected end of stream": "the quote that begins here has no end",
+    r"did not find expected ',' or": "a comma is missing, or the bracket of line {} has no end",
 }
 """Usual slips, by YAML's problem, what stands before it in the line, and what begins there."""
 
@@ -155,7 +156,8 @@ def parse_yaml(text: str, name: str) -> Value:
             line = "".join(text.splitlines()[mark.line : mark.line + 1])
             seen = f"{problem}|{line[: mark.column]}|{line[mark.column :]}"
             found = ((re.match(slip, seen), hint) for slip, hint in _SLIPS.items())
-            problem += next((": " + hint.format(*it.groups()) for it, hint in found if it), "")
+            top = error.context_mark.line + 1 if error.context_mark else 0
+            problem += next((": " + hint.format(*it.groups(), top) for it, hint in found if it), "")
             if error.context in ("while scanning a quoted scalar", "while scanning a simple key"):
                 mark = error.context_mark  # what is wrong is where that begins
         where = f"{name}:{mark.line + 1}" if mark else name
