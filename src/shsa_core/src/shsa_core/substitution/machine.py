@@ -121,7 +121,7 @@ class Substitute:
 
     def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
         """Go on publishing; alone, end if it stands by, unless somebody started it by hand."""
-        self._others.cut = event.cut_off
+        self._others.part(event.cut_off)
         ends = event.alone and not self.publishing and (self.row.idle or self.row.service != "")
         return [events.GiveUp(events.LEFT_ALONE)] if ends else []
 
