@@ -99,7 +99,7 @@ class OtherPublishers:
             return
         known = self.provider in ("", event.publisher)
         still = self.heard is Heard.RIVAL
-        apart = self.cut or (still and self._stays(event.publisher))
+        apart = self._publishing and (self.cut or still and self._stays(event.publisher))
         rival = (self.heals and apart) or (self._yields and known)
         if rival or not still and (known or self.heals):  # a cut may have parted us from anybody
             self.heard, self._anybody = Heard.RIVAL if rival else Heard.ANOTHER, self._watch.now
