@@ -328,12 +328,15 @@ def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_fille
     assert robot.filled
 
 
+@pytest.mark.parametrize("cut_off", [False, True])
 @pytest.mark.parametrize("on_partition", OnPartition)
 def test_a_stranger_is_not_filled_in_for_and_stands_in_nobodys_way(
-    on_partition: OnPartition,
+    on_partition: OnPartition, cut_off: bool
 ) -> None:
     told = replace(bridges(), provider="/original", on_partition=on_partition)
-    robot = Robot(told).stream(1.0).stranger_speaks(1.001)
+    robot = Robot(told).stream(1.0)
+    robot.driver.tell(events.ReachChanged, cut_off)
+    robot.stranger_speaks(1.001)
     assert robot.gone(1.002, "/stranger").to(1.01).filled == []
     robot.stranger_speaks(1.03).stranger_speaks(1.04).to(1.2)
     assert 0 < len(robot.filled) and robot.filled[0] <= 1.0 + BRIDGE + LOOK

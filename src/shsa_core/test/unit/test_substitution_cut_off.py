@@ -5,11 +5,12 @@ from typing import Any, List, Tuple
 import pytest
 from substitute_driver import DEADLINE, OUT, PERIOD, Driver, only, row, running, signal
 from shsa_core.model.kinds import OnPartition
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution import events
 from shsa_core.watch import LONGEST_STEP_S
 
 ORIGINAL = "/original"
+INTEGRAL = "t0=x[0];\ndef _tf1(i1): return integral(i1)\nt1=_tf1(t0);\ny=t1"
 
 
 def heals(publishing: bool = False, **of: Any) -> Substitution:
@@ -175,15 +176,52 @@ def test_one_whose_original_was_only_silent_yields_to_it_and_goes_on_when_it_is_
     assert side(driver, 5.0)
 
 
-def test_a_stranger_does_not_keep_one_still_that_has_yielded() -> None:
+def beside(driver: Driver, until: float, node: str) -> List[Tuple[float, float]]:
+    """Its inputs come, and somebody publishes on its topic; what it publishes."""
+    since = driver.time
+    while driver.time < until - 1e-9:
+        driver.tell(events.OtherHeard, "/out", node)
+        side(driver, driver.time + PERIOD)
+    return driver.published(since + 1e-9)
+
+
+@pytest.mark.parametrize("here", [False, True])
+def test_a_stranger_does_not_keep_one_still_that_has_yielded(here: bool) -> None:
     driver = hot(publishing=True)
-    driver.change(replace(row(True), yields=True, provider=ORIGINAL))
+    told = row(True) if here else heals(publishing=True)
+    driver.change(replace(told, yields=True, provider=ORIGINAL))
     side(driver, 1.0, other=True)
-    published = 0
-    while driver.time < 2.0:
-        driver.tell(events.OtherHeard, "/out", "/stranger")
-        published += len(side(driver, driver.time + PERIOD))
-    assert published >= 36
+    assert len(beside(driver, 2.0, "/stranger")) >= 36
+
+
+@pytest.mark.parametrize("names", [{"provider": ORIGINAL}, {"original": ORIGINAL}, {}])
+@pytest.mark.parametrize("other", [ORIGINAL, "/robot/substitute_out_3", "/stranger"])
+def test_in_reach_again_it_waits_until_the_reconfigurator_has_heard_of_the_other_one(
+    names: Any, other: str
+) -> None:
+    driver = hot(publishing=True)
+    driver.change(replace(heals(publishing=True), **names))
+    cut(driver)
+    assert beside(driver, 1.0, other) == []
+    cut(driver, False)
+    assert beside(driver, 1.0 + CHANGEOVER_S, other) == []
+    stays = other in names.values() or "substitute" in other
+    assert len(beside(driver, 4.0, other)) in (range(1) if stays else range(84, 90))
+
+
+def test_an_integral_that_no_last_message_starts_takes_nothing_over() -> None:
+    """It was started for another failure, long ago."""
+    driver = hot(publishing=True, code=INTEGRAL)
+    last = events.LastMessage((("data", 5.0),))
+    started = replace(heals(publishing=True, code=INTEGRAL), last_message=b"last")
+    driver.tell(events.RowChanged, started, (), last)
+    assert side(driver, 1.0)
+    driver.change(heals(code=INTEGRAL))
+    side(driver, 10.0, other=True)
+    cut(driver)
+    assert side(driver, 12.0) == []
+    driver.change(started)
+    assert side(driver, 13.0)
 
 
 def test_beyond_a_cut_it_yields_to_whoever_is_heard() -> None:

@@ -4,7 +4,7 @@ import math
 import random
 from dataclasses import replace
 from itertools import chain, repeat
-from typing import Any, Iterable, List
+from typing import Any, Iterable, List, Optional
 
 import pytest
 from hypothesis import given, strategies as st
@@ -167,6 +167,17 @@ def test_a_clock_that_was_set_during_a_silence_holds_nothing_up_for_longer_than_
     assert inputs.values([IN], 5.0) == (2.0,)
 
 
+def test_the_time_in_which_nothing_is_told_is_no_silence() -> None:
+    """A clock is set while it is muted, and is told the newest message now and then."""
+    inputs, now, pause = Readings(), 10**18, DEADLINE + 0.02
+    inputs.listen([IN])
+    for turn in range(20):
+        stamp = now if turn < 10 else now - 10**10
+        told = turn * pause, "/in", "/sensor", (("data", float(turn)),), stamp, now
+        inputs.take(InputArrived(*told, pause - 0.02))
+        assert inputs.values([IN], turn * pause) == (float(turn),)
+
+
 def test_a_signal_of_one_node_takes_its_messages_alone() -> None:
     inputs = Readings()
     named, anybody = signal("/in", node="/left"), signal("/in")
@@ -325,7 +336,7 @@ TWO = "t0=x[0]; t1=x[1];\ndef _tf1(i1,i2): return i1+i2\nt2=_tf1(t0,t1);\ny=t2"
 
 
 def test_the_stamp_is_that_of_the_oldest_input() -> None:
-    inputs = (signal("/a"), signal("/b", deadline=None))
+    inputs = (signal("/a"), signal("/b", deadline=1.0))
     driver = Driver(row(True, inputs, TWO))
     driver.ready()
     driver.time = 1.0
@@ -336,6 +347,21 @@ def test_the_stamp_is_that_of_the_oldest_input() -> None:
     hear(driver, "/b", 0)  # it has no header: it counts from its arrival
     driver.pass_to(1.12)
     assert stamps(driver)[-1] == at(0.9)
+
+
+@pytest.mark.parametrize("deadline, stamp", [(DEADLINE, 0.9), (None, 0.5)])
+def test_a_value_that_holds_until_the_next_one_makes_no_stamp_old(
+    deadline: Optional[float], stamp: float
+) -> None:
+    inputs = (signal("/a", deadline=deadline), signal("/b", None, None))
+    driver = Driver(row(True, inputs, TWO))
+    driver.ready()
+    hear(driver, "/b", at(0.0))
+    driver.time = 0.5
+    hear(driver, "/b", at(0.5))
+    driver.time = 0.9
+    hear(driver, "/a", at(0.9) if deadline else at(0.3))
+    assert stamps(driver) == [at(stamp)]
 
 
 def test_a_stamp_is_neither_newer_than_now_nor_older_than_the_one_before() -> None:

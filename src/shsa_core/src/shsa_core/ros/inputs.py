@@ -4,7 +4,7 @@ Muted, most of it never matters: to wake for each message would be most of what 
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
 of what nobody reads yet the newest is kept, and decoded once somebody does.
 """
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Set, Tuple
 
 import rospy
 
@@ -33,7 +33,7 @@ class Inputs:
         self._fields: Dict[str, Tuple[str, ...]] = {}
         self._read: Set[str] = set()
         self._overheard: Dict[str, str] = {}  # by topic: whose message is kept
-        self._newest: Dict[Tuple[str, str], Arrived] = {}
+        self._newest: Dict[Tuple[str, str], List[Any]] = {}  # since when one is kept, and which
         self._last: Dict[str, Tuple[str, bytes]] = {}  # by topic: from whom, and what
 
     # From any thread.
@@ -92,7 +92,7 @@ class Inputs:
                 events.append(OtherGone(happening.time, happening.topic, happening.publisher))
         if reads or not all(isinstance(event, OtherHeard) for event in events):
             for key in [key for key in self._newest if key[0] in self._read]:
-                events += self._input(self._newest.pop(key))
+                events += self._input(*self._newest.pop(key))
         return sorted(events, key=lambda event: event.time)
 
     def hurry(self, hurries: bool) -> None:
@@ -117,14 +117,13 @@ class Inputs:
 
     def _arrived(self, arrived: Arrived) -> List[Event]:
         connection, topic = arrived.connection, arrived.connection.topic
-        events: List[Event] = []
-        if topic in self._overheard:
-            events += self._other(arrived)
+        events = self._other(arrived) if topic in self._overheard else []
         if topic in self._fields:
             if self._hurries and topic in self._read:
-                events += self._input(arrived)
+                events += self._input(arrived.time, arrived)
             else:
-                self._newest[topic, connection.publisher] = arrived
+                key = topic, connection.publisher
+                self._newest.setdefault(key, [arrived.time, arrived])[1] = arrived
         return events
 
     def _other(self, arrived: Arrived) -> List[Event]:
@@ -139,7 +138,7 @@ class Inputs:
         stamped = min(stamp(data), ros_time) if decoder.has_stamp else 0
         return [OtherHeard(time, topic, connection.publisher, stamped)]
 
-    def _input(self, arrived: Arrived) -> List[Event]:
+    def _input(self, since: float, arrived: Arrived) -> List[Event]:
         """Read the fields of a message; none if it cannot be read, and a warning."""
         time, connection, data, _, ros_time, _ = arrived
         topic, publisher = connection.topic, connection.publisher
@@ -154,7 +153,7 @@ class Inputs:
             return []
         known = tuple((name, each) for name, each in zip(fields, values) if each is not None)
         stamped = stamp(data) if decoder.has_stamp else 0
-        return [InputArrived(time, topic, publisher, known, stamped, ros_time)]
+        return [InputArrived(time, topic, publisher, known, stamped, ros_time, time - since)]
 
 
 def _refused(topic: str, claim: str, why: str) -> None:

@@ -71,6 +71,7 @@ class InputArrived(Event):
     values: Tuple[Tuple[str, float], ...]
     stamp: int = 0
     ros_time: int = 0
+    waited: float = 0.0  # in s, since the first of those that it is told instead of
 
 
 @dataclass(frozen=True)

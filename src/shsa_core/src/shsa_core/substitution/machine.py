@@ -121,7 +121,7 @@ class Substitute:
 
     def _reach_changed(self, event: events.ReachChanged) -> List[Command]:
         """Go on publishing; alone, end if it stands by, unless somebody started it by hand."""
-        self._others.cut = event.cut_off
+        self._others.part(event.cut_off)
         ends = event.alone and not self.publishing and (self.row.idle or self.row.service != "")
         return [events.GiveUp(events.LEFT_ALONE)] if ends else []
 
@@ -233,10 +233,8 @@ class Substitute:
             if self._alone.leaves(others.last.publisher):
                 self._alone.idle = None
                 return self._follow(idle, None)
-        fills_in = self._take_up_voice()
-        if not fills_in or self._composed is None:
+        if not self._take_up_voice() or self._composed is None:
             return []
-        self._stamps.begin(self._composed.topic, others.last.stamp)
         self._composed = replace(self._composed, overheard=True)
         return [self._composed]
 
@@ -263,6 +261,7 @@ class Substitute:
             self._voice = self._decide(topic)  # it may hand over now
         if begins and job is not None:
             job.schedule.begin(now)
+            self._stamps.begin(self._others.last.topic, self._others.last.stamp)
         self._spoken = topic
         return after is Voice.FILLS_IN and before is not Voice.FILLS_IN
 

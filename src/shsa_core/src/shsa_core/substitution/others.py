@@ -9,11 +9,14 @@ from typing import Callable, List, Optional, Tuple
 
 from shsa_core.backlog import BURST_PERIODS
 from shsa_core.model.kinds import OnPartition
-from shsa_core.model.substitution import Substitution
+from shsa_core.model.names import Names
+from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.substitution.events import Command, LookAtOthers, OtherGone, OtherHeard, OthersStand
 from shsa_core.substitution.settings import ALONE_LOOKS, FADES, LATE, LOOK_AGAIN_S, STEADY
 from shsa_core.substitution.voice import Heard, Original
 from shsa_core.watch import Watch
+
+NAMES = Names("")
 
 
 class OtherPublishers:
@@ -23,7 +26,7 @@ class OtherPublishers:
     """
 
     def __init__(self, sources: Callable[[], Tuple[str, ...]]) -> None:
-        self.topic = self.provider = ""
+        self.topic = self.provider = self._replaced = ""
         self.heard, self.last = Heard.NOBODY, OtherHeard(-math.inf, "")
         self.original = Original.LOST
         self.heals = False  # beyond a cut the substitute may decide by itself
@@ -34,6 +37,7 @@ class OtherPublishers:
         self._anybody = -math.inf  # the same, with strangers
         self._counted = -math.inf  # when the first of those came that came at once
         self.cut = False  # the reconfigurator is out of reach
+        self._judged = -math.inf  # by then it knows of those whom we heard while it was
         self._publishing = self._yields = False
         self._deadline = math.inf
         self._steady = 0  # times in a row that messages came, and were not late
@@ -48,7 +52,8 @@ class OtherPublishers:
     def follow(self, row: Substitution, topic: str, may_bridge: bool) -> None:
         """Follow another row; `topic`: that of the program, which may fill in or not."""
         bridge = row.bridge if may_bridge and not row.publishing and topic in row.topics else 0.0
-        self.heals = row.on_partition is OnPartition.HEAL and topic != ""
+        begins = may_bridge or row.publishing  # a last message has started what integrates
+        self.heals = row.on_partition is OnPartition.HEAL and topic != "" and begins
         listens = self.heals or row.yields
         listened = topic if listens or bridge else ""
         same = (listened, row.provider) == (self.topic, self.provider)
@@ -59,7 +64,7 @@ class OtherPublishers:
             self._since = self._anybody = self._watch.now
         if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
-        self.provider = row.provider
+        self.provider, self._replaced = row.provider, row.original
         deadline = row.outputs[0].deadline if row.outputs and listens else None
         self._deadline = math.inf if deadline is None else deadline
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
@@ -76,6 +81,12 @@ class OtherPublishers:
 
     # What is heard.
 
+    def part(self, cut: bool) -> None:
+        """Note that the reconfigurator is out of reach, or in reach again."""
+        if self.cut and not cut:
+            self._judged = self._watch.now + CHANGEOVER_S
+        self.cut = cut
+
     def pass_time(self, now: float, wanted: float) -> None:
         """Let time pass; we `wanted` to wake by then, inf: whenever."""
         self._watch.look(now, wanted)
@@ -87,15 +98,21 @@ class OtherPublishers:
         if not self.topic or event.topic != self.topic:
             return
         known = self.provider in ("", event.publisher)
-        apart = self.heals and (self.cut or self.heard is Heard.RIVAL)
-        rival = apart or (self._yields and known)
-        if known or self.heals:  # a cut may have parted us from anybody
+        still = self.heard is Heard.RIVAL
+        apart = self._publishing and (self.cut or still and self._stays(event.publisher))
+        rival = (self.heals and apart) or (self._yields and known)
+        if rival or not still and (known or self.heals):  # a cut may have parted us from anybody
             self.heard, self._anybody = Heard.RIVAL if rival else Heard.ANOTHER, self._watch.now
         if not rival and not known:
             return
         self._note_pace(self._watch.passed(self._since))
         self.last, self._since, self._read = event, self._watch.now, self._sources()
         self.original, self._awaited, self._alone = Original.SPEAKS, None, 0
+
+    def _stays(self, publisher: str) -> bool:
+        """Return if a rival stays one in reach; a stranger does until it must have been judged."""
+        named = publisher in (self.provider, self._replaced)
+        return named or self._watch.now < self._judged or NAMES.of_healing(publisher, False)
 
     def _note_pace(self, passed: float) -> None:
         """Note the silence before a message; of some that came at once, each had its share."""

@@ -40,7 +40,7 @@ class Readings:
         stamp = min(event.stamp or event.ros_time, event.ros_time)
         backlog = self._backlogs.setdefault((topic, publisher), Backlog())
         age = (event.ros_time - stamp) / 1e9
-        if backlog.holds(time, age, self._allowed.get(topic, inf)):
+        if backlog.holds(time, age, self._allowed.get(topic, inf), event.waited):
             return
         readings = self._readings.get(topic, {})
         for field, value in event.values:
@@ -62,9 +62,13 @@ class Readings:
         return tuple(found)
 
     def oldest(self, signals: Iterable[Signal]) -> int:
-        """Return the oldest stamp among the values of `signals`, in ns; 0 if there are none."""
-        known = filter(None, map(self._reading, signals))
-        return min((stamp for _, _, stamp, _ in known), default=0)
+        """Return the oldest stamp of the values of `signals`, in ns; 0 if there are none.
+
+        Where all hold until the next one it is the newest, else those do not count.
+        """
+        found = [(each.deadline, self._reading(each)) for each in signals]
+        stamps = [read[2] for deadline, read in found if read and deadline is not None]
+        return min(stamps) if stamps else max((read[2] for _, read in found if read), default=0)
 
     def sources(self, signals: Iterable[Signal]) -> Tuple[str, ...]:
         """Return who published the value of each of `signals`; empty: it has never come."""
