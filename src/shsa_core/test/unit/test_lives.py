@@ -1,8 +1,7 @@
 """Evidence and kills belong to one life of a node: the next one of its name begins clean."""
-from dataclasses import replace
-
 import pytest
 from core_robot import SOM, A, Robot, changed, has, only
+from test_succession import succeed
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -17,9 +16,9 @@ class Lives(Robot):
     def tell(
         self, uri: str, state: str, since: float, detail: str = "", kind: Kind = Kind.NODE_GONE
     ) -> None:
-        self.row("/a", A, state, since)
-        told = {"kind": kind, "detail": "it died"} if state == "failed" else {"detail": detail}
-        self.rows["/a", A] = replace(self.rows["/a", A], uri=uri, **told)  # type: ignore[arg-type]
+        failed = state == "failed"
+        detail = "it failed." if failed else detail
+        self.row("/a", A, state, since, uri=uri, detail=detail, kind=kind if failed else None)
         self.said.clear()
         self.table(since)
 
@@ -108,3 +107,23 @@ def test_who_is_up_and_not_well_as_its_row_says_takes_nobody_over() -> None:
     (row,) = robot.working()
     assert row.publishing and row.original == ""
     assert robot.state is State.HEALED
+
+
+def test_what_a_user_s_monitor_tells_is_told_of_the_life_that_was_heard() -> None:
+    """Its next one, which nobody has heard yet, is not ended for that."""
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.failure("/a", A, 10.0, "out_of_range", "a is 99.", 9.9)
+    assert only(robot.said, events.FindNode).uri == FIRST
+    robot.tell(SECOND, "healthy", 10.1)
+    robot.handle(events.NodeFound(10.2, A, events.Where.ANOTHER, "it is not at its address"))
+    assert not has(robot.said, events.AskToLeave)
+    assert robot.state is State.RETURNING
+
+
+def test_a_life_that_did_well_is_known_after_a_restart_of_healing() -> None:
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    succeed(robot, 20.0)
+    robot.failure("/a", A, 21.0, "out_of_range", "a is 99.", 20.9)
+    assert only(robot.said, events.FindNode).uri == FIRST
