@@ -133,6 +133,23 @@ def test_what_remains_of_a_node_that_ends_later_is_cleared() -> None:
     assert has(robot.said, events.ClearNode) and last_incident(robot.said).killed is not None
 
 
+def test_one_that_runs_on_is_looked_for_ever_more_seldom_until_it_has_ended() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, runs=True)
+    robot.killed(10.0, A)
+    looks = [10]
+    for time in range(11, 300):
+        if has(robot.handle(events.Tick(float(time))), FindNode):
+            looks.append(time)
+            robot.killed(float(time), A)
+    pauses = [later - former for former, later in zip(looks, looks[1:])]
+    assert pauses == sorted(pauses) and pauses[0] <= 2 and 30 < pauses[-1] <= 61
+    assert not has(robot.said, AskToLeave)
+    robot.gone.add(A)
+    assert has(robot.handle(events.Tick(400.0)), FindNode)
+    assert has(robot.killed(400.1, A), events.ClearNode)
+
+
 def test_the_life_of_a_node_that_has_just_come_is_not_ended_for_the_former_one() -> None:
     robot = Robot(changed(SOM, "a", policy=Policy.RESTART_AND_SUBSTITUTE))
     robot.fail("/a", A, 10.0)

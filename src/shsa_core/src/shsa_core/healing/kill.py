@@ -132,10 +132,16 @@ class Kills:
         """Kill a node later, once its computer was heard beside it, and it could be heard twice."""
         self.again.set(node, self._robot.time + max(CERTAIN_S, 2.0 * period))
 
+    def try_again(self, node: str) -> None:
+        """Look for a node later, after pauses that grow while that is in vain."""
+        tries = self._tries[node] = self._tries.get(node, -1) + 1
+        self.again.set(node, self._robot.time + self._settings.paused(tries))
+
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
         self.again.set(node, None)
         self._slow.pop(node, None)
+        self._tries.pop(node, None)
 
     def due(self) -> List[str]:
         """Return the nodes to kill again; those wait on whose computers are not heard for long."""
@@ -201,8 +207,7 @@ class Kills:
                 ends = "it does not end" if kill.answered or kill.forced else "it does not answer"
                 why = "it could not be found in time" if kill.where is None else ends
                 if not kill.order.if_dead:
-                    tries = self._tries[node] = self._tries.get(node, -1) + 1
-                    self.again.set(node, time + self._settings.paused(tries))
+                    self.try_again(node)
                 said += self._over(time, node, False, why)
         return said
 

@@ -262,7 +262,7 @@ class Nodes:
             for each in accusations:
                 each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            self.kills.wait(node)  # it may end by itself
+            self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
