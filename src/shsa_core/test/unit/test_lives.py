@@ -109,6 +109,67 @@ def test_who_is_up_and_not_well_as_its_row_says_takes_nobody_over() -> None:
     assert robot.state is State.HEALED
 
 
+BABBLES = Kind.OUT_OF_RANGE
+
+
+@pytest.mark.parametrize("policy", [Policy.SUBSTITUTE, Policy.RESTART_AND_SUBSTITUTE])
+def test_a_next_life_that_fails_while_the_former_leaves_is_ended_after_it(policy: Policy) -> None:
+    robot = Lives(changed(SOM, "a", policy=policy))
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=BABBLES)
+    robot.handle(events.NodeFound(10.1, A, events.Where.HERE))
+    robot.tell(SECOND, "unknown", 10.5)
+    robot.tell(SECOND, "failed", 11.0, kind=BABBLES)
+    assert not any(row.publishing for row in robot.working())
+    robot.said.clear()
+    robot.handle(events.NodeLeft(12.0, A))
+    assert only(robot.said, events.FindNode).uri == SECOND
+    assert not any(row.publishing for row in robot.working()), "two would publish"
+    robot.handle(events.NodeFound(12.1, A, events.Where.HERE))
+    assert only(robot.said, events.AskToLeave).node == A
+    robot.handle(events.Tick(13.2))
+    assert only(robot.said, events.EndProcess).node == A
+    robot.handle(events.NodeLeft(13.3, A))
+    assert [row.publishing for row in robot.working()] == [True]
+    robot.handle(events.Tick(14.0))
+    assert has(robot.said, events.RestartNode) == policy.restarts
+
+
+@pytest.mark.parametrize("where", [events.Where.DEAD, events.Where.HERE])
+def test_the_former_life_is_not_ended_for_the_failure_of_the_next_one(where: events.Where) -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "healthy", 10.05)
+    robot.tell(SECOND, "failed", 10.5, kind=BABBLES)
+    robot.said.clear()
+    robot.handle(events.NodeFound(10.6, A, where))
+    assert not has(robot.said, events.AskToLeave)
+    assert only(robot.said, events.FindNode).uri == SECOND
+    robot.handle(events.NodeFound(10.7, A, events.Where.HERE))
+    assert has(robot.said, events.AskToLeave)
+
+
+def test_a_next_life_that_has_recovered_as_the_former_ends_is_left_alone() -> None:
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=BABBLES)
+    robot.handle(events.NodeFound(10.1, A, events.Where.HERE))
+    robot.tell(SECOND, "failed", 11.0, kind=BABBLES)
+    robot.tell(SECOND, "healthy", 11.5)
+    robot.handle(events.NodeLeft(12.0, A))
+    assert not has(robot.said, events.FindNode) and robot.state is State.RETURNING
+
+
+def test_a_next_life_that_dies_as_the_former_does_is_gone_as_well() -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "unknown", 10.05)
+    robot.tell(SECOND, "failed", 10.1)
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    assert only(robot.said, events.FindNode).uri == SECOND
+    robot.handle(events.NodeFound(10.3, A, events.Where.DEAD))
+    incident = robot.core.incident("a")
+    assert incident is not None and incident.killed is not None and robot.state is State.HEALED
+
+
 def test_what_a_user_s_monitor_tells_is_told_of_the_life_that_was_heard() -> None:
     """Its next one, which nobody has heard yet, is not ended for that."""
     robot = Lives()

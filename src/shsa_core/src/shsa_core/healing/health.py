@@ -91,11 +91,19 @@ class Health:
         return {*self.excluded, *self.dying}
 
     def succeeded(self, node: str) -> bool:
-        """Tell that a dying node has another life: two monitors know the same port of one."""
-        port = self.dying.get(node, "").rpartition(":")[2]
+        """Tell that a dying node has another life, which has not failed."""
         rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
-        ports = {row.uri.rpartition(":")[2] for row in rows if not row.has_failed}
-        return port != "" and bool(ports - {"", port})
+        return any(self._is_next(row) for row in rows if not row.has_failed)
+
+    def fails_anew(self, key: Key, since: float) -> bool:
+        """Tell that another life of a dying node has failed on a topic since a moment."""
+        row = self.row(key)
+        return row is not None and row.has_failed and row.since > since and self._is_next(row)
+
+    def _is_next(self, row: PublisherHealth) -> bool:
+        """Tell that a row is of another life than the dying one: monitors agree on its port."""
+        ports = {uri.rpartition(":")[2] for uri in (self.dying.get(row.publisher, ""), row.uri)}
+        return len(ports - {""}) == 2
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""

@@ -56,7 +56,7 @@ class KillOver:
     """The kill of a node is over; it was gone at `time`: when the kill began if it was dead.
 
     `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
-    it, empty: not known.
+    it, empty: not known. `failing`: the topics on which its next life has failed meanwhile.
     """
 
     time: float
@@ -65,6 +65,7 @@ class KillOver:
     detail: str = ""
     cause: str = ""
     starter: str = ""
+    failing: Tuple[str, ...] = ()
 
     @property
     def told(self) -> str:
@@ -156,9 +157,12 @@ class Kills:
         return found
 
     def begin(self, time: float, order: KillNode) -> List[Command]:
-        """Kill a node; nothing is done if that is under way, but it may be spared no more."""
+        """Kill a node; nothing is done if that is under way, but it may be spared no more.
+
+        Its next life is judged once that is over.
+        """
         kill, node = self._kills.get(order.node), order.node
-        if kill is not None:
+        if kill and not self._health.fails_anew((order.topic, node), kill.begun):
             former = kill.order
             kill.order = replace(
                 former,
@@ -310,7 +314,9 @@ class Kills:
     def _end(
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
-        kill = self._kills.pop(node)
-        del self._health.dying[node]
+        kill, health = self._kills.pop(node), self._health
+        topics = health.topics.get(node, ())
+        failing = tuple(each for each in topics if health.fails_anew((each, node), kill.begun))
+        del health.dying[node]
         self.agenda.set(node, None)
-        return [KillOver(time, node, outcome, detail, cause, kill.starter)]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter, failing)]
