@@ -80,10 +80,17 @@ class Robot:
         self.idle(1.0)
 
     def row(
-        self, topic: str, node: str, state: str, since: float, first: Optional[float] = None
+        self,
+        topic: str,
+        node: str,
+        state: str,
+        since: float,
+        first: Optional[float] = None,
+        **more: Any,
     ) -> None:
+        """The monitor's row of a publisher, with `more` fields, as the address of its life."""
         row = PublisherHealth(topic, node, PublisherState(state), since, first, since)
-        self.rows[topic, node] = row
+        self.rows[topic, node] = replace(row, **more)
 
     def table(self, time: float) -> List[events.Command]:
         """The monitor sends its whole table."""
@@ -104,14 +111,17 @@ class Robot:
         return self.handle(events.FailureSeen(time, "", topic, node, Kind(kind), detail, last_good))
 
     def fail(
-        self, topic: str, node: str, time: float, kind: str = "node_gone"
+        self, topic: str, node: str, time: float, kind: str = "node_gone", runs: bool = False
     ) -> List[events.Command]:
-        """A publisher fails, and is not in the next table."""
+        """A publisher fails, and is not in the next table; one that is gone may still run."""
         self.rows.pop((topic, node), None)
-        return self.failure(topic, node, time, kind, "it died.", time - 0.02)
+        commands = self.failure(topic, node, time, kind, "it died.", time - 0.02)
+        if runs:
+            self.gone.discard(node)
+        return commands
 
     def killed(self, time: float, node: str, certain: bool = True) -> List[events.Command]:
-        """The kill of a node is over; one that was gone had died."""
+        """The kill of a node is over; one that was gone had died, unless it still runs."""
         if certain:
             where = events.Where.DEAD if node in self.gone else events.Where.HERE
             commands = self.handle(events.NodeFound(time, node, where, rate=0.0))

@@ -34,6 +34,7 @@ class ObservedRobot(RuleBasedStateMachine):
         self.lives_for: Optional[int] = None  # commands that are carried out yet
         self.now = 100.0
         self.health: Dict[Tuple[str, str], PublisherHealth] = {}
+        self.lives: Dict[str, int] = {}  # of each node; 0: of which nobody can tell
         self.failed: Set[Tuple[str, str]] = set()  # topic and node, told since it was healthy
         self.accused: Set[str] = set()  # nodes that the event at hand gives evidence against
         self.shown: Dict[str, Substitution] = {}
@@ -43,6 +44,7 @@ class ObservedRobot(RuleBasedStateMachine):
         self.named: Set[str] = set()  # substitutes that were written down
         self.used: Set[str] = set(left)
         self.running: Set[str] = set()
+        self.restarted: Set[str] = set()  # nodes that end with those who started them first
         self.ending = False
         self.orphans = left
         self.hear(events.Started(self.now, tuple(sorted(left))))
@@ -53,6 +55,8 @@ class ObservedRobot(RuleBasedStateMachine):
     def hear(self, event: events.Event) -> None:
         """Hand over an event, and check every command and what holds after it."""
         self.sound = False
+        if isinstance(event, events.NodeRestarted):
+            self.restarted.add(event.node)
         for command in self.core.handle(event):
             if self.lives_for is not None and not isinstance(command, events.WriteDown):
                 self.lives_for -= 1
@@ -107,7 +111,7 @@ class ObservedRobot(RuleBasedStateMachine):
         self.running.add(command.node)
 
     def on_StopNode(self, command: events.StopNode) -> None:
-        assert command.node in self.used | self.named
+        assert command.node in self.used | self.named | self.restarted
         self.running.discard(command.node)
 
     def on_FindNode(self, command: events.FindNode) -> None:
@@ -227,7 +231,10 @@ class ObservedRobot(RuleBasedStateMachine):
         for topic, node, state, age in told:
             kind = Kind.SILENT if state is PublisherState.FAILED else None
             since = self.now - age
-            row = PublisherHealth(topic, node, state, since, since, since, kind, "as told")
+            life = self.lives.get(node, 1)
+            uri = f"http://here:{life}/" if life else ""
+            told_of = topic, node, state, since, since, since, kind, "as told"
+            row = PublisherHealth(*told_of, uri=uri)
             self.health[topic, node] = row
             changed.append(row)
             if kind is not None:

@@ -57,6 +57,11 @@ class AnyRobot(ObservedRobot):
         mine = [each for each in self.som if each.node == node]
         self.rows([(each.topic, node, PublisherState.HEALTHY, 0.0) for each in mine])
 
+    @rule(data=st.data(), life=st.sampled_from((0, 1, 2, 3)))
+    def another_life(self, data: Any, life: int) -> None:
+        """Another process has the name of a node from now on."""
+        self.lives[data.draw(st.sampled_from(self.nodes()))] = life
+
     @rule()
     def first_messages(self) -> None:
         """Every substitute that is to publish does."""

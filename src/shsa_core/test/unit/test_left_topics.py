@@ -1,6 +1,6 @@
 """A node that lives is not ended for leaving its topic, or for taking its time to shut down."""
 from dataclasses import replace
-from typing import List
+from typing import List, Optional
 
 import pytest
 
@@ -56,12 +56,11 @@ def test_one_that_the_som_contains_is_ended_as_its_substitute_publishes() -> Non
 def warming_up() -> Robot:
     """Return a robot whose node was good, and then said what is no number from its start, twice."""
     robot = Robot()
-    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:1/")
+    robot.row("/a", A, "healthy", 0.0, uri="http://here:1/")
     robot.table(2.0)
     wrong = {"kind": Kind.NOT_A_NUMBER, "detail": "a is nan.", "last_good": None}
     for time, uri in ((10.0, "http://here:2/"), (20.0, "http://here:3/")):
-        robot.row("/a", A, "failed", time, first=time)
-        robot.rows["/a", A] = replace(robot.rows["/a", A], uri=uri, **wrong)
+        robot.row("/a", A, "failed", time, first=time, uri=uri, **wrong)
         robot.said.clear()
         robot.table(time)
         assert has(robot.said, FindNode) is (time == 10.0)
@@ -91,6 +90,23 @@ def test_a_successor_that_is_not_good_in_a_minute_had_its_time_to_warm_up() -> N
     assert 80.0 <= time < 145.0
 
 
+@pytest.mark.parametrize("last_good", [None, 9.9])
+def test_a_user_s_monitor_has_nobody_ended_who_may_warm_up(last_good: Optional[float]) -> None:
+    """It tells of no life: that is the one that was heard last."""
+    robot = Robot()
+    robot.row("/a", A, "healthy", 0.0, uri="http://here:1/")
+    robot.table(2.0)
+    for time, uri in ((10.0, "http://here:2/"), (20.0, "http://here:3/")):
+        robot.row("/a", A, "unknown", time, first=time, uri=uri, last_good=None)
+        robot.table(time)
+        robot.said.clear()
+        robot.failure("/a", A, time + 0.1, "not_a_number", "a is nan.", last_good)
+        found = [each.uri for each in robot.said if isinstance(each, FindNode)]
+        assert found == ([uri] if time == 10.0 else [])
+        if time == 10.0:
+            robot.killed(time + 0.2, A)
+
+
 def test_an_event_driven_node_that_ends_later_is_started_again() -> None:
     """It closed its connections, and ran on until its launch ended it."""
     first, *others = SOM.services.values()
@@ -117,12 +133,28 @@ def test_what_remains_of_a_node_that_ends_later_is_cleared() -> None:
     assert has(robot.said, events.ClearNode) and last_incident(robot.said).killed is not None
 
 
+def test_one_that_runs_on_is_looked_for_ever_more_seldom_until_it_has_ended() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, runs=True)
+    robot.killed(10.0, A)
+    looks = [10]
+    for time in range(11, 300):
+        if has(robot.handle(events.Tick(float(time))), FindNode):
+            looks.append(time)
+            robot.killed(float(time), A)
+    pauses = [later - former for former, later in zip(looks, looks[1:])]
+    assert pauses == sorted(pauses) and pauses[0] <= 2 and 30 < pauses[-1] <= 61
+    assert not has(robot.said, AskToLeave)
+    robot.gone.add(A)
+    assert has(robot.handle(events.Tick(400.0)), FindNode)
+    assert has(robot.killed(400.1, A), events.ClearNode)
+
+
 def test_the_life_of_a_node_that_has_just_come_is_not_ended_for_the_former_one() -> None:
     robot = Robot(changed(SOM, "a", policy=Policy.RESTART_AND_SUBSTITUTE))
     robot.fail("/a", A, 10.0)
     robot.handle(NodeFound(10.01, A, Where.HERE))
-    robot.row("/a", A, "unknown", 11.5)
-    robot.rows["/a", A] = replace(robot.rows["/a", A], uri="http://here:2/", last_good=None)
+    robot.row("/a", A, "unknown", 11.5, uri="http://here:2/", last_good=None)
     robot.table(11.5)
     robot.said.clear()
     robot.handle(events.Tick(12.1))

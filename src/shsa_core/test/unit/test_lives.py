@@ -1,8 +1,7 @@
 """Evidence and kills belong to one life of a node: the next one of its name begins clean."""
-from dataclasses import replace
-
 import pytest
 from core_robot import SOM, A, Robot, changed, has, only
+from test_succession import succeed
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -17,9 +16,9 @@ class Lives(Robot):
     def tell(
         self, uri: str, state: str, since: float, detail: str = "", kind: Kind = Kind.NODE_GONE
     ) -> None:
-        self.row("/a", A, state, since)
-        told = {"kind": kind, "detail": "it died"} if state == "failed" else {"detail": detail}
-        self.rows["/a", A] = replace(self.rows["/a", A], uri=uri, **told)  # type: ignore[arg-type]
+        failed = state == "failed"
+        detail = "it failed." if failed else detail
+        self.row("/a", A, state, since, uri=uri, detail=detail, kind=kind if failed else None)
         self.said.clear()
         self.table(since)
 
@@ -108,3 +107,84 @@ def test_who_is_up_and_not_well_as_its_row_says_takes_nobody_over() -> None:
     (row,) = robot.working()
     assert row.publishing and row.original == ""
     assert robot.state is State.HEALED
+
+
+BABBLES = Kind.OUT_OF_RANGE
+
+
+@pytest.mark.parametrize("policy", [Policy.SUBSTITUTE, Policy.RESTART_AND_SUBSTITUTE])
+def test_a_next_life_that_fails_while_the_former_leaves_is_ended_after_it(policy: Policy) -> None:
+    robot = Lives(changed(SOM, "a", policy=policy))
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=BABBLES)
+    robot.handle(events.NodeFound(10.1, A, events.Where.HERE))
+    robot.tell(SECOND, "unknown", 10.5)
+    robot.tell(SECOND, "failed", 11.0, kind=BABBLES)
+    assert not any(row.publishing for row in robot.working())
+    robot.said.clear()
+    robot.handle(events.NodeLeft(12.0, A))
+    assert only(robot.said, events.FindNode).uri == SECOND
+    assert not any(row.publishing for row in robot.working()), "two would publish"
+    robot.handle(events.NodeFound(12.1, A, events.Where.HERE))
+    assert only(robot.said, events.AskToLeave).node == A
+    robot.handle(events.Tick(13.2))
+    assert only(robot.said, events.EndProcess).node == A
+    robot.handle(events.NodeLeft(13.3, A))
+    assert [row.publishing for row in robot.working()] == [True]
+    robot.handle(events.Tick(14.0))
+    assert has(robot.said, events.RestartNode) == policy.restarts
+
+
+@pytest.mark.parametrize("where", [events.Where.DEAD, events.Where.HERE])
+def test_the_former_life_is_not_ended_for_the_failure_of_the_next_one(where: events.Where) -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "healthy", 10.05)
+    robot.tell(SECOND, "failed", 10.5, kind=BABBLES)
+    robot.said.clear()
+    robot.handle(events.NodeFound(10.6, A, where))
+    assert not has(robot.said, events.AskToLeave)
+    assert only(robot.said, events.FindNode).uri == SECOND
+    robot.handle(events.NodeFound(10.7, A, events.Where.HERE))
+    assert has(robot.said, events.AskToLeave)
+
+
+def test_a_next_life_that_has_recovered_as_the_former_ends_is_left_alone() -> None:
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=BABBLES)
+    robot.handle(events.NodeFound(10.1, A, events.Where.HERE))
+    robot.tell(SECOND, "failed", 11.0, kind=BABBLES)
+    robot.tell(SECOND, "healthy", 11.5)
+    robot.handle(events.NodeLeft(12.0, A))
+    assert not has(robot.said, events.FindNode) and robot.state is State.RETURNING
+
+
+def test_a_next_life_that_dies_as_the_former_does_is_gone_as_well() -> None:
+    robot = Lives().healed()
+    robot.tell(SECOND, "unknown", 10.05)
+    robot.tell(SECOND, "failed", 10.1)
+    robot.handle(events.NodeFound(10.2, A, events.Where.DEAD))
+    assert only(robot.said, events.FindNode).uri == SECOND
+    robot.handle(events.NodeFound(10.3, A, events.Where.DEAD))
+    incident = robot.core.incident("a")
+    assert incident is not None and incident.killed is not None and robot.state is State.HEALED
+
+
+def test_what_a_user_s_monitor_tells_is_told_of_the_life_that_was_heard() -> None:
+    """Its next one, which nobody has heard yet, is not ended for that."""
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.failure("/a", A, 10.0, "out_of_range", "a is 99.", 9.9)
+    assert only(robot.said, events.FindNode).uri == FIRST
+    robot.tell(SECOND, "healthy", 10.1)
+    robot.handle(events.NodeFound(10.2, A, events.Where.ANOTHER, "it is not at its address"))
+    assert not has(robot.said, events.AskToLeave)
+    assert robot.state is State.RETURNING
+
+
+def test_a_life_that_did_well_is_known_after_a_restart_of_healing() -> None:
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    succeed(robot, 20.0)
+    robot.failure("/a", A, 21.0, "out_of_range", "a is 99.", 20.9)
+    assert only(robot.said, events.FindNode).uri == FIRST

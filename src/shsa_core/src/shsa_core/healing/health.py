@@ -81,7 +81,7 @@ class Health:
         row = self.row(key)
         if key not in self.templates or row is None:
             return key in self.templates
-        same = not row.uri or self._lives.get(key) == row.uri
+        same = self._lives.get(key) == row.uri
         first = same or self._successors.setdefault(key, row.uri) == row.uri
         return first or (row.first_message is not None and row.first_message < warm)
 
@@ -91,11 +91,19 @@ class Health:
         return {*self.excluded, *self.dying}
 
     def succeeded(self, node: str) -> bool:
-        """Tell that a dying node has another life: two monitors know the same port of one."""
-        port = self.dying.get(node, "").rpartition(":")[2]
+        """Tell that a dying node has another life, which has not failed."""
         rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
-        ports = {row.uri.rpartition(":")[2] for row in rows if not row.has_failed}
-        return port != "" and bool(ports - {"", port})
+        return any(self._is_next(row) for row in rows if not row.has_failed)
+
+    def fails_anew(self, key: Key, since: float) -> bool:
+        """Tell that another life of a dying node has failed on a topic since a moment."""
+        row = self.row(key)
+        return row is not None and row.has_failed and row.since > since and self._is_next(row)
+
+    def _is_next(self, row: PublisherHealth) -> bool:
+        """Tell that a row is of another life than the dying one: monitors agree on its port."""
+        ports = {uri.rpartition(":")[2] for uri in (self.dying.get(row.publisher, ""), row.uri)}
+        return len(ports - {""}) == 2
 
     def originals(self, som: Som, service: Service) -> Tuple[PublisherHealth, ...]:
         """Return the rows of the publishers of a service that are no substitutes."""
@@ -140,13 +148,20 @@ class Health:
         return concerned, failures
 
     def note(self, failure: FailureSeen) -> bool:
-        """Put a failure that somebody tells; False: the table tells of what came then or later."""
-        whose = failure.topic, failure.publisher, FAILED, failure.time, None, failure.last_good
-        row = PublisherHealth(*whose, failure.kind, failure.detail, failure.service)
-        known = self.row(row.key)
-        if known is not None and known.since >= failure.time:
+        """Put a failure that somebody tells, of the life that was heard last.
+
+        False: the table tells of what came then or later.
+        """
+        key = failure.topic, failure.publisher
+        known = self.row(key) or PublisherHealth(*key, FAILED, -inf)
+        if known.since >= failure.time:
             return False
-        self._put(row)
+        good, first = failure.last_good, known.first_message
+        if good is not None and good < (known.since if first is None else first):
+            good = known.last_good  # that was its former life
+        whose = *key, FAILED, failure.time, first, good
+        told = failure.kind, failure.detail, failure.service, b"", known.uri
+        self._put(PublisherHealth(*whose, *told))
         return True
 
     def _is_news(self, row: PublisherHealth) -> bool:
@@ -178,7 +193,7 @@ class Health:
             self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
             self.verified.discard(node)
-        well = Healthy(topic, node, row.since, self.templates.get(row.key, b""))
+        well = Healthy(topic, node, row.since, self.templates.get(row.key, b""), row.uri)
         self._records.set(well.key, well if row.is_well else None)
         if not row.is_well or row.since <= self.excluded.get(node, row.since):
             return []

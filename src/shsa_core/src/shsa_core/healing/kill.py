@@ -56,7 +56,7 @@ class KillOver:
     """The kill of a node is over; it was gone at `time`: when the kill began if it was dead.
 
     `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
-    it, empty: not known.
+    it, empty: not known. `failing`: the topics on which its next life has failed meanwhile.
     """
 
     time: float
@@ -65,6 +65,7 @@ class KillOver:
     detail: str = ""
     cause: str = ""
     starter: str = ""
+    failing: Tuple[str, ...] = ()
 
     @property
     def told(self) -> str:
@@ -132,10 +133,16 @@ class Kills:
         """Kill a node later, once its computer was heard beside it, and it could be heard twice."""
         self.again.set(node, self._robot.time + max(CERTAIN_S, 2.0 * period))
 
+    def try_again(self, node: str) -> None:
+        """Look for a node later, after pauses that grow while that is in vain."""
+        tries = self._tries[node] = self._tries.get(node, -1) + 1
+        self.again.set(node, self._robot.time + self._settings.paused(tries))
+
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
         self.again.set(node, None)
         self._slow.pop(node, None)
+        self._tries.pop(node, None)
 
     def due(self) -> List[str]:
         """Return the nodes to kill again; those wait on whose computers are not heard for long."""
@@ -150,9 +157,12 @@ class Kills:
         return found
 
     def begin(self, time: float, order: KillNode) -> List[Command]:
-        """Kill a node; nothing is done if that is under way, but it may be spared no more."""
+        """Kill a node; nothing is done if that is under way, but it may be spared no more.
+
+        Its next life is judged once that is over.
+        """
         kill, node = self._kills.get(order.node), order.node
-        if kill is not None:
+        if kill and not self._health.fails_anew((order.topic, node), kill.begun):
             former = kill.order
             kill.order = replace(
                 former,
@@ -201,8 +211,7 @@ class Kills:
                 ends = "it does not end" if kill.answered or kill.forced else "it does not answer"
                 why = "it could not be found in time" if kill.where is None else ends
                 if not kill.order.if_dead:
-                    tries = self._tries[node] = self._tries.get(node, -1) + 1
-                    self.again.set(node, time + self._settings.paused(tries))
+                    self.try_again(node)
                 said += self._over(time, node, False, why)
         return said
 
@@ -305,7 +314,9 @@ class Kills:
     def _end(
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
-        kill = self._kills.pop(node)
-        del self._health.dying[node]
+        kill, health = self._kills.pop(node), self._health
+        topics = health.topics.get(node, ())
+        failing = tuple(each for each in topics if health.fails_anew((each, node), kill.begun))
+        del health.dying[node]
         self.agenda.set(node, None)
-        return [KillOver(time, node, outcome, detail, cause, kill.starter)]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter, failing)]

@@ -23,7 +23,6 @@ from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.planning.settings import CERTAIN_S
 
-
 UNTRIED = Trust()
 REPRIEVES = 3
 """A node that speaks again recovers while it has two."""
@@ -39,6 +38,7 @@ class Accusation:
 
     node: str = ""
     kind: Kind = Kind.OTHER
+    topic: str = ""
     fate: Fate = Fate.NONE
     decision: str = ""
     excuse: str = ""
@@ -95,12 +95,8 @@ class Nodes:
     @property
     def deadline(self) -> float:
         """Return when `tick` has something to do, in s; infinite: nothing is due."""
-        agendas = (
-            self.kills.agenda,
-            self.kills.again,
-            self._returns,
-            self._robot.identities.agenda,
-        )
+        kills, identities = self.kills, self._robot.identities
+        agendas = kills.agenda, kills.again, self._returns, identities.agenda
         return min(agenda.next() for agenda in agendas)
 
     def accusers(self, node: str) -> List[str]:
@@ -113,10 +109,9 @@ class Nodes:
     def accuse(self, service: Service, node: str, kind: Kind) -> Accusation:
         """Accuse a node of a failure on a service, perhaps once more: it is to be judged."""
         accusations = self._cases.setdefault(node, Case()).accusations
-        found = accusations.setdefault(service.name, Accusation(node, kind))
+        found = accusations.setdefault(service.name, Accusation(node, kind, service.topic))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.spared = False
-        found.gated = service.gated
+        found.spared, found.gated = False, service.gated
         return found
 
     def acquit(self, service: Service, node: str, well_at: Optional[float] = None) -> None:
@@ -149,9 +144,9 @@ class Nodes:
         restarted = service.policy.restarts and node == service.node and self._may_restart(node)
         restarted &= node in self._health.startable
         if service.event_driven and accusation.silent:
-            silent = accusation.kind is Kind.SILENT and not accusation.spared
-            cut = silent or bool(self._robot.host_of(node))
-            restarted &= not cut  # it need not say a thing: only a connection was lost, or a link
+            sure = accusation.spared or accusation.kind is not Kind.SILENT
+            # Else it need not say a thing: only a connection was lost, or a link.
+            restarted &= sure and not self._robot.host_of(node)
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -159,20 +154,14 @@ class Nodes:
             accusation.fate = Fate.WAITS
             return []
         accusation.decision = verdict.why
-        commands: List[Command] = []
-        if verdict.kill:
-            accusation.fate = Fate.KILLED
-            order = self._order(service, accusation)
-            if order.period > 0.0 and node == service.node and self._robot.host_of(node):
-                accusation.decision += ", unless it does well on its own computer"
+        accusation.fate = Fate.KILLED if verdict.kill else Fate.KEPT
+        order, commands = self._order(service, accusation), []
+        if verdict.kill and order.period and node == service.node and self._robot.host_of(node):
+            accusation.decision += ", unless it does well on its own computer"
+        if verdict.kill or (gone and not was_kept and service.policy is not Policy.ADVISE):
             commands += self.kills.order(order)
-        else:
-            accusation.fate = Fate.KEPT
-            if gone and not was_kept and service.policy is not Policy.ADVISE:
-                commands += self.kills.order(self._order(service, accusation))
-        news = accusation.decision != before and (
-            verdict.kill or not (was_kept and accusation.silent)
-        )
+        known = was_kept and accusation.silent and not verdict.kill
+        news = accusation.decision != before and not known
         if news and not gone and service.policy is not Policy.ADVISE:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
@@ -219,15 +208,14 @@ class Nodes:
             if service is None or accusation.back or (accusation.kept and not accusation.spared):
                 continue
             if accusation.kept:
-                clear = KillNode(node, service.topic, if_dead=True)
-                commands += self.kills.begin(self._robot.time, clear)
-                continue
-            if accusation.silent and self._speaks(service, accusation):
+                order = KillNode(node, service.topic, if_dead=True)
+            elif accusation.silent and self._speaks(service, accusation):
                 accusation.reprieves += 1
                 self.kills.wait(node, service.period or 0.0)
+                continue
             else:
-                order = self._order(service, accusation)
-                commands += self.kills.order(replace(order, only_here=False, if_dead=False))
+                order = replace(self._order(service, accusation), only_here=False, if_dead=False)
+            commands += self.kills.order(order)
         return commands
 
     def _speaks(self, service: Service, accused: Accusation) -> bool:
@@ -255,21 +243,24 @@ class Nodes:
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
-        accusations = self._accusations(node)
+        held = self._accusations(node)
+        accusations = [each for each in held if each.topic not in kill.failing]
+        for each in held:  # who fails is its next life: it is judged anew
+            each.fate = Fate.OPEN if each.topic in kill.failing else each.fate
         if kill.outcome is Outcome.UNREACHED and not host:
             kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
             for each in accusations:
                 each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            self.kills.wait(node)  # it may end by itself
+            self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
-            return [kill] if news else []
+            return [kill] if news or kill.failing else []
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
@@ -296,8 +287,7 @@ class Nodes:
         self._robot.restarted.discard(node)
         if kill.outcome is Outcome.UNSURE:
             self._leave_alone(node)
-            return commands
-        if case:  # its last failure was its own
+        elif case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
@@ -388,8 +378,7 @@ class Nodes:
             accusation.back, accusation.reprieves = True, 0
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
-            due = self._robot.time + self._settings.restart_timeout
-            awaited = trust.awaited_by or due
+            awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout
         self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
 
     def start_again(self, node: str) -> None:

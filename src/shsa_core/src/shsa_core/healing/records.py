@@ -88,13 +88,14 @@ class ServiceRecord(Keyed):
 
 @dataclass(frozen=True)
 class Healthy(Keyed):
-    """A publisher that does well since a moment, and a message of it, as the monitor told last."""
+    """A publisher that does well since a moment, a message and the address of it, as told last."""
 
     KEY = "healthy {0.topic} {0.publisher}"
     topic: str
     publisher: str
     since: float
     template: bytes = b""
+    uri: str = ""
 
 
 Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy]

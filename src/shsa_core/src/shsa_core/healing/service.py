@@ -25,7 +25,6 @@ from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
 from shsa_core.planning.placement import HERE
 
-
 Failure = Optional[FailureSeen]
 Action = Callable[["ServiceMachine", Failure], List[Command]]
 Transitions = Mapping[Tuple[State, Trigger], Tuple[Action, FrozenSet[State]]]
@@ -208,13 +207,13 @@ class ServiceMachine:
 
     def heed(self, kill: KillOver) -> List[Command]:
         """Go on by how the kill of the faulty node has ended."""
+        if kill.outcome is Outcome.SPARED or self.spec.topic in kill.failing:
+            # It may be killed for its silence, or for what its next life has done.
+            accused, plan = self.accusation, self.substitute.plan
+            judged = [] if accused.back else self.judge(accused, plan)
+            return [*judged, *self.step(), *self.replan()]
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
-        if kill.outcome is Outcome.SPARED:  # it may be killed for its silence
-            if self.accusation.back:
-                return self.step()
-            judged = self.judge(self.accusation, self.substitute.plan)
-            return [*judged, *self.step(), *self.replan()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]

@@ -95,9 +95,8 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
     if core.robot.names.avoid(node) and not ours:
         return []
     since = record.since
-    state = PublisherState.HEALTHY
-    moments, template = (since, since, since), record.template
-    row = PublisherHealth(record.topic, node, state, *moments, last_message=template)
+    row = PublisherHealth(record.topic, node, PublisherState.HEALTHY, since, since, since)
+    row = replace(row, last_message=record.template, uri=record.uri)
     robot.health.recall(row)
     if ours:
         return []
