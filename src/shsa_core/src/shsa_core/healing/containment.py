@@ -7,7 +7,7 @@ from shsa_core.healing.incident import SUBSTITUTED
 from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import PublisherHealth
-from shsa_core.model.kinds import BY_CLOCK, BY_LINK, Contain, Kind, Policy
+from shsa_core.model.kinds import BY_CLOCK, Contain, Kind, Policy
 from shsa_core.model.service import Service
 
 
@@ -20,7 +20,7 @@ class Charge:
     `protected`: why it is never killed unless the SOM says so; empty: it may be.
     `replaced`: something takes the failed service over. `costs`: the needed topics that would be
     lost with the node, and that nothing replaces. `duties`: what the node does beyond the SOM.
-    `useful`: what it publishes well, on the failed topic too.
+    `safe`: the SOM has a last resort for the topic.
     `was_good`: it has published the failed topic well before. `gated`: a gate stands between it and
     the consumers of that topic. `elsewhere`: it is on another computer than healing.
     """
@@ -35,7 +35,7 @@ class Charge:
     replaced: bool = False
     costs: Tuple[str, ...] = ()
     duties: Tuple[str, ...] = ()
-    useful: Tuple[str, ...] = ()
+    safe: bool = False
     was_good: bool = True
     gated: bool = False
     elsewhere: bool = False
@@ -87,13 +87,10 @@ def decide(charge: Charge) -> Verdict:
         return Verdict(False, f"{kept}: {why}")
     if charge.replaced:
         return Verdict(True, f"{killed}: what is needed of it is taken over")
-    nothing = f"nothing can replace {topic}"
-    if charge.kind is Kind.REQUESTED:
-        return Verdict(False, f"{kept}: {nothing}")
-    if charge.useful:
-        well = f"it still publishes {_enumerated(charge.useful)}"
-        return Verdict(False, f"{kept}: {nothing}, and {well}")
-    return Verdict(True, f"{killed}: it publishes nothing else that is good")
+    if charge.safe and charge.kind is not Kind.REQUESTED:
+        return Verdict(True, f"{killed}: nothing but its last resort is left")
+    # It may be good again, or good in between: without it there would be nobody.
+    return Verdict(False, f"{kept}: nothing can replace {topic}")
 
 
 def _enumerated(topics: Sequence[str]) -> str:
@@ -114,8 +111,6 @@ class Stakes:
         """Decide about a node by all that is at stake; where healing advises, it says so."""
         published = self._published(node)
         well = [s for s, row in published if row.is_well and s.name != service.name]
-        partly = kind in BY_LINK or (kind in BY_VALUE and len(service.provides) > 1)
-        useful = [each.topic for each in well] + [f"good values on {service.topic}"] * partly
         warm = self._robot.time - self._robot.settings.stable
         charge = Charge(
             node,
@@ -128,7 +123,7 @@ class Stakes:
             replaced,
             tuple(sorted(self._costs(service, node, published))),
             self._health.duties.get(node, ()),
-            tuple(sorted(useful)),
+            bool(service.last_resort.command),
             self._health.was_good((service.topic, node), warm),
             service.gated,
             bool(self._robot.host_of(node)),
