@@ -78,11 +78,11 @@ class StampAges:
         self._ages.append(age)
         if len(self._ages) >= settings.AGES:
             self._usual = median(self._ages)
-            spread = max(abs(each - self._usual) for each in self._ages)
+            spreads = sorted(abs(each - self._usual) for each in self._ages)
             self._allowed = max(
                 settings.AGE_LEAST_S,
                 settings.AGE_PERIODS * (self.period or 0.0),
-                settings.AGE_SPREADS * spread,
+                settings.AGE_SPREADS * spreads[int(settings.AGE_SHARE * len(spreads)) - 1],
             )
             self._ages.clear()
 
