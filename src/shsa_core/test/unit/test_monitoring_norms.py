@@ -1,5 +1,7 @@
 """What is learned of a healthy stream is not spoilt by a fault that was there for a moment."""
-from monitor_bench import NODE, PERIOD, Bench
+from monitor_bench import NODE, PERIOD, Bench, message_checks, service
+
+from shsa_core.model.checks import StaleStamp
 from shsa_core.monitoring.events import ClockTicked
 
 
@@ -21,4 +23,20 @@ def test_one_old_message_among_the_first_excuses_no_later_one() -> None:
         bench.stream(500, age=0.01)
     assert bench.failures == []
     bench.stream(3, age=20.0)
+    assert bench.kinds() == [(NODE, "stale_stamp")]
+
+
+def test_a_clock_that_drifts_away_is_followed() -> None:
+    """Seldom messages, for as many hours as it takes, may be 1.5 s older than usual."""
+    bench = Bench(service(deadline=1000, checks=message_checks(StaleStamp(0.0))))
+    bench.connect()
+    for second in range(20_000):
+        bench.stream(1, age=second * 100e-6, period=1.0)
+    assert bench.failures == []
+
+
+def test_a_latency_that_grows_as_of_a_queue_that_fills_is_found() -> None:
+    bench = connected()
+    for number in range(50 * 40):
+        bench.stream(1, age=0.01 + number * 0.02 * PERIOD)
     assert bench.kinds() == [(NODE, "stale_stamp")]

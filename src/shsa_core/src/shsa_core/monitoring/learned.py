@@ -32,6 +32,7 @@ class StampAges:
         self._usual: Optional[float] = None
         self._allowed = 0.0
         self._last: Optional[int] = None
+        self._learned = 0.0  # when it learned last
         self._grew = 0.0  # when a newer stamp came last
         self._growing = 0.0  # so many were newer than the one before, -inf: not always
 
@@ -61,7 +62,7 @@ class StampAges:
         elif self._growing < settings.LEARN_MESSAGES and self._stands(message.time):
             self._growing = -inf
         if good:
-            self._learn(message.age)
+            self._learn(message.age, message.time)
 
     def _grows(self, stamp: int) -> bool:
         return self._last is None or stamp > self._last
@@ -69,11 +70,12 @@ class StampAges:
     def _stands(self, time: float) -> bool:
         return time - self._grew > BURST_PERIODS * (self.period or 0.0)
 
-    def _learn(self, age: float) -> None:
+    def _learn(self, age: float, time: float) -> None:
+        drift, self._learned = settings.AGE_FOLLOWS * (time - self._learned), time
         if self._usual is not None and age < self._usual - settings.AGE_LEAST_S / 2:
             self._usual = None  # it was learned of messages that had waited before we came
         if self._usual is not None:
-            self._usual += settings.AGE_FOLLOWS * (age - self._usual)
+            self._usual += max(-drift, min(drift, age - self._usual))
             return
         self._ages.append(age)
         if len(self._ages) >= settings.AGES:

@@ -46,8 +46,8 @@ LEARN_MESSAGES = 200
 # Stamps.
 AGES = 50
 """So many messages tell how old stamps usually are, which frames they name, how long arrays are."""
-AGE_FOLLOWS = 0.001
-"""Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
+AGE_FOLLOWS = 2e-4
+"""The usual age follows by so much a second: clocks drift apart by less, queues fill by more."""
 AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS, AGE_SHARE = 0.5, 10.0, 3.0, 0.9
 """A stamp may differ by this, by so many periods or by so many times what this share did at most
 while learning, whichever is most. A clock that changes by half of the first from one look to the
