@@ -1,4 +1,7 @@
 """What is learned of a healthy stream is not spoilt by a fault that was there for a moment."""
+from random import Random
+
+import pytest
 from monitor_bench import NODE, PERIOD, Bench, message_checks, service
 
 from shsa_core.model.checks import StaleStamp
@@ -9,6 +12,28 @@ def connected() -> Bench:
     bench = Bench()
     bench.connect()
     return bench
+
+
+# Values that stand still
+
+
+@pytest.mark.parametrize("value, seconds", [(8.0, 0.9), (60.0, 30.0)])
+def test_a_short_freeze_and_a_saturation_let_off_no_longer_freeze(
+    value: float, seconds: float
+) -> None:
+    """Less than a second is not judged, nor is the limit of the range."""
+    bench, random = connected(), Random(1)
+
+    def stream(count: int) -> None:
+        for _ in range(count):
+            bench.stream(1, value=random.gauss(8.0, 1.0))
+
+    stream(1000)
+    bench.stream(round(seconds / PERIOD), value=value)
+    stream(1000)
+    assert bench.failures == []
+    bench.stream(round(1.5 / PERIOD), value=8.0)
+    assert bench.kinds() == [(NODE, "stuck")]
 
 
 # Stamps

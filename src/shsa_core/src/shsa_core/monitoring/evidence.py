@@ -70,7 +70,8 @@ class _Value:
         finding = judge(self._checks, sample)
         outside = finding is not None and finding.kind is Kind.OUT_OF_RANGE
         self.outside = sample if outside else None
-        self._teaches = self._teaches and finding is None
+        usual = hold is None or self._run <= hold.messages  # the time alone may let it off
+        self._teaches = self._teaches and usual and finding is None
         if finding is None:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
