@@ -201,8 +201,8 @@ class Length(Check):
 
     def judge(self, sample: samples.FormSample) -> Optional[str]:
         found, usual = sample.found, sample.usual
-        if isinstance(found, str) or isinstance(usual, str) or found >= usual or usual == 1:
-            return None  # one thing that was seen, and then none, is no fault
+        if isinstance(found, str) or isinstance(usual, str) or found >= usual:
+            return None
         return f"{sample.name} has {found} elements, and had {usual}"
 
 
