@@ -59,3 +59,35 @@ def test_who_reads_of_a_substitute_is_not_excused_by_whom_that_replaces(
     stream(bench, 3.0, {"a": 1.0, "b": 1.0})
     stream(bench, 10.0, {"a": 1.0, "b": value}, b=every)
     assert bench.kinds() == [("/a_n", kind), ("/b_n", kind)]
+
+
+# Ranges
+
+
+def blames_b(bench: Bench, *others: str) -> bool:
+    """Tell if b is blamed once it is out of range, while `others` go on to be."""
+    stream(bench, 10.0, {"b": 1e6, **{each: 1e6 for each in others}})
+    return ("/b_n", "out_of_range") in bench.kinds()
+
+
+def test_an_event_of_long_ago_excuses_nobody() -> None:
+    """One message out of range is no failure, and there was no other since."""
+    bench = robot(named("a", period=None), named("b"))
+    bench.message(1e6, "/a_n", "/a")
+    stream(bench, 5.0, {"b": 1.0})
+    assert bench.failures == [] and blames_b(bench)
+
+
+@pytest.mark.parametrize("hangs", [True, False])
+def test_who_failed_long_ago_excuses_nobody(hangs: bool) -> None:
+    bench = robot(named("a"), named("b"))
+    stream(bench, 2.0, {"a": 1e6, "b": 1.0})
+    stream(bench, 5.0, {"b": 1.0} if hangs else {"a": 1e6, "b": 1.0})
+    assert bench.kinds() == [("/a_n", "out_of_range")]
+    assert blames_b(bench) if hangs else blames_b(bench, "a")
+
+
+def test_who_failed_first_of_what_befell_both_excuses_the_other() -> None:
+    bench = robot(named("a"), named("b"))
+    stream(bench, 0.2, {"a": 1e6, "b": 1.0})
+    assert bench.kinds() == [("/a_n", "out_of_range")] and not blames_b(bench, "a")

@@ -1,7 +1,7 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
 from dataclasses import replace
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from typing import Deque, Dict, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.backlog import Backlog
@@ -239,6 +239,7 @@ class Evidence:
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
         self.verdict, self.backlog = Verdict(service.checks), Backlog()
         self.rate, self.rate_was_good = _Rate(service), False
+        self.was_clean = -inf  # when a message came last with which nothing was wrong
         self._checks = service.checks.each
         self._values = [_Value(provision, learned) for provision in checked]
         self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
@@ -287,6 +288,7 @@ class Evidence:
         finding = None
         for found in self.findings(message, failed):  # all look: each remembers what it saw
             finding = finding or found
+        self.was_clean = message.time if finding is None else self.was_clean
         good = finding is None and not failed
         self.stamps.heard(message, good)
         self._form.heard(message, good)

@@ -6,9 +6,10 @@ from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.model.kinds import Kind
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Case, decide
-from shsa_core.monitoring.board import Board
+from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.watch import Watch
 
@@ -80,10 +81,12 @@ class Surroundings:
 
     def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
-        causes = _wrong_with(publisher)
-        outside = (p for p in self._board.all() if p.connected and p.evidence.outside)
+        causes, time = _wrong_with(publisher), self._board.now
+        outside = (p for p in self._board.all() if p.evidence.outside and p.speaks(time))
+        # Who failed long before it was good last has a reason of its own.
+        since = max(publisher.since, publisher.evidence.was_clean) - CHANGEOVER_S
+        outside = (p for p in outside if p.state is not FAILED or p.since >= since)
         apart = [each for each in outside if causes.isdisjoint(_wrong_with(each))]
-        time = self._board.now
         return Case(Kind.OUT_OF_RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, publisher: Publisher, began: float) -> None:
