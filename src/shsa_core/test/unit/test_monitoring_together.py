@@ -91,3 +91,19 @@ def test_who_failed_first_of_what_befell_both_excuses_the_other() -> None:
     bench = robot(named("a"), named("b"))
     stream(bench, 0.2, {"a": 1e6, "b": 1.0})
     assert bench.kinds() == [("/a_n", "out_of_range")] and not blames_b(bench, "a")
+
+
+# Rates
+
+
+def test_nodes_that_are_always_slow_excuse_nobody_who_becomes_so() -> None:
+    """At three quarters of the rate in the SOM, which is allowed."""
+    bench = robot(*map(named, "abc"))
+    for every in (1, 3):
+        for number in range(round(20.0 / PERIOD)):
+            bench.wait(PERIOD)
+            for name in "ab" if number % 4 else "":
+                bench.message(node=f"/{name}_n", topic=f"/{name}")
+            if number % every == 0:
+                bench.message(node="/c_n", topic="/c")
+    assert bench.kinds() == [("/c_n", "rate_low")]

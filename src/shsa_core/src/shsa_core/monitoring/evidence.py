@@ -14,7 +14,7 @@ from shsa_core.model.samples import FormSample, FormulaSample, RateSample, Stamp
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.learned import Form, StampAges, Stillness
-from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS, SLOW_PACE
+from shsa_core.monitoring.settings import COMES_AND_GOES, FULL_PACE, RATE_MESSAGES, RATE_SECONDS
 
 
 Learned = Dict[Tuple[str, str], Stillness]
@@ -110,6 +110,7 @@ class _Rate:
         self._period, self._fastest = service.period or 0.0, service.fastest
         judged = any(check.sample is RateSample for check in service.checks.each)
         self._judged = judged and service.period is not None
+        self.was_full = -inf  # when it was as it should be last
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._judged else 0
         self.times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
 
@@ -129,16 +130,17 @@ class _Rate:
         times = [each[1] for each in self.times]
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
-    @property
-    def is_slow(self) -> bool:
-        """True if the rate is too low, or nearly so."""
-        return self.is_known and (len(self.times) - 1) * self._period < SLOW_PACE * self.span
+    def is_below(self, pace: float) -> bool:
+        """Tell if the rate is below so much of what it should be."""
+        return self.is_known and (len(self.times) - 1) * self._period < pace * self.span
 
     def samples(self, message: Message, backlog: Backlog) -> Iterator[RateSample]:
         """Yield the mean rate, in doubt for the publisher: it waited for us, or in a silence."""
         came, due = message.time - message.waited, message.time - backlog.owed
         made_up = min(came, due) if backlog.makes_up else came
         self.times.append((made_up, message.time, message.apart or 0.0))
+        if not self.is_below(FULL_PACE):
+            self.was_full = message.time
         if self.is_known:
             yield self.sample(self._period, self._fastest)
 

@@ -15,7 +15,7 @@ from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Evidence, Learned
 from shsa_core.monitoring.learned import LearnedDeadline
-from shsa_core.monitoring.settings import MISSED_PERIODS
+from shsa_core.monitoring.settings import MISSED_PERIODS, SLOW_PACE
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -147,7 +147,7 @@ class Publisher:
     @property
     def is_slow(self) -> bool:
         """True if its messages come too seldom, or nearly so."""
-        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_slow
+        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_below(SLOW_PACE)
 
     @property
     def was_logged(self) -> bool:

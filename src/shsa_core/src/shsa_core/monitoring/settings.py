@@ -28,8 +28,8 @@ TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
 MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
-SLOW_PACE = 0.8
-"""Of its rate: half way to what counts as too low where the SOM says nothing."""
+SLOW_PACE, FULL_PACE = 0.8, 0.9
+"""Of its rate: half way to what counts as too low where the SOM says nothing, and half of that."""
 REMEMBERED = 200
 """Gaps that are remembered."""
 

@@ -34,7 +34,8 @@ class Surroundings:
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
         self._waiting: List[Tuple[Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
-        self._slow, self._looked = 0, -inf
+        self._slow: List[Tuple[str, float]] = []  # who was slow at that look, and since when
+        self._looked = -inf
 
     def look(self, late: float) -> None:
         """Look at the time; the monitor was `late` to do so."""
@@ -71,13 +72,15 @@ class Surroundings:
 
     def slow(self, kind: Kind, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
-        time = self._board.now
+        time, rate = self._board.now, publisher.evidence.rate
         if not 0.0 <= time - self._looked < SAMPLE_S:
             self._looked = time
-            slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
-            self._slow = len({each.name for each in slow})
-        gap = _Gap(publisher.name, time - publisher.evidence.rate.span, time)
-        return self._late(kind, gap, self._slow)
+            slow = (p for p in self._board.all() if p.is_healthy and p.is_slow)
+            self._slow = [(p.name, p.evidence.rate.was_full + p.evidence.rate.span) for p in slow]
+        # Those that were slow long before it are so for another reason.
+        since = rate.was_full - rate.span if kind is Kind.RATE_LOW else -inf
+        slow_with = {name for name, began in self._slow if began >= since}
+        return self._late(kind, _Gap(publisher.name, time - rate.span, time), len(slow_with))
 
     def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
