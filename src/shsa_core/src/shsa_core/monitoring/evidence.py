@@ -68,8 +68,7 @@ class _Value:
         still = time - self._began
         sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
         finding = judge(self._checks, sample)
-        outside = finding is not None and finding.kind is Kind.OUT_OF_RANGE
-        self.outside = sample if outside else None
+        self.outside = sample if finding and finding.kind is Kind.OUT_OF_RANGE else None
         usual = hold is None or self._run <= hold.messages  # the time alone may let it off
         self._teaches = self._teaches and usual and finding is None
         if finding is None:
@@ -287,9 +286,8 @@ class Evidence:
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Tell if a message is good, and which failure it completes; `failed`: after another."""
-        finding = None
-        for found in self.findings(message, failed):  # all look: each remembers what it saw
-            finding = finding or found
+        found = [*self.findings(message, failed)]  # all look: each remembers what it saw
+        finding = next(filter(None, found), None)
         self.was_clean = message.time if finding is None else self.was_clean
         good = finding is None and not failed
         self.stamps.heard(message, good)

@@ -142,11 +142,9 @@ class Stillness:
 
     def allowed(self, value: float) -> Optional[Hold]:
         """Return how long `value` may stay the same; None: for ever, or nobody knows yet."""
-        changes = self._count - self._repeats
         known = self._count >= settings.LEARN_MESSAGES
-        if not known or self._repeats > settings.MOST_REPEATS * self._count:
-            return None
-        if self._turns < settings.LEAST_TURNS * changes:
+        noisy = self._turns >= settings.LEAST_TURNS * (self._count - self._repeats)
+        if not (known and noisy) or self._repeats > settings.MOST_REPEATS * self._count:
             return None
         if value == 0.0 and (self._crossings < settings.LEARN_MESSAGES or self._longest_zero > 1):
             return None
