@@ -31,8 +31,8 @@ class Backlog:
 
         After a silence of more than `allowed` s a message counts once its stamp is about as old as
         usual, and it comes half a `period` after another one. Where no stamp tells, the first of
-        them might be old. What comes old for longer than the silence was is no backlog: a clock
-        was set. It may have `waited` for us.
+        them might be old. What comes old, or fast, for longer than the silence was is no backlog:
+        a clock was set, or it babbles. It may have `waited` for us.
         """
         self._owe(time, period)
         passed, self._came = time - self._came, time
@@ -42,8 +42,8 @@ class Backlog:
         if self._catches_up:
             late = began
             if age is not None and self._age is not None:
-                late = age - self._age > allowed and time < self._until
-            if late or passed < BURST_PERIODS * period:
+                late = age - self._age > allowed
+            if time < self._until and (late or passed < BURST_PERIODS * period):
                 return True
         self._catches_up = False
         self._age = self._age if age is None else age

@@ -1,10 +1,11 @@
 """The form of messages: the frames that they name, and how long their arrays are."""
 import io
-from typing import Any
+from typing import Any, Sequence
 
 import pytest
+from geometry_msgs.msg import Pose, PoseArray
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import Imu, JointState, LaserScan
 from std_msgs.msg import Float64, Float64MultiArray, Header
 
 from shsa_core.ros.messages.fields import HEADER_END, Decoder, frame
@@ -19,30 +20,31 @@ def wired(message: Any) -> bytes:
     return stream.getvalue()
 
 
+JOINTS = JointState(HEADER, ["a", "bcd"], [1.0, 2.0], [], [3.0])
+SCAN = LaserScan(header=HEADER, ranges=[1.0] * 360)
+POSES = PoseArray(HEADER, [Pose()] * 3)
+
+
 @pytest.mark.parametrize(
-    "message, form",
+    "message, fields, form",
     [
-        (
-            LaserScan(header=HEADER, ranges=[1.0] * 360),
-            (FRAME, ("ranges", 360), ("intensities", 0)),
-        ),
-        (Odometry(header=HEADER, child_frame_id="base"), (FRAME, ("child_frame_id", "base"))),
-        (
-            JointState(HEADER, ["a", "bcd"], [1.0, 2.0], [], [3.0]),
-            (FRAME, ("name", 2), ("position", 2), ("velocity", 0), ("effort", 1)),
-        ),
-        (
-            PointCloud2(header=HEADER, fields=[PointField("x", 0, 7, 1)] * 3, data=bytes(90)),
-            (FRAME, ("fields", 3), ("data", 90)),
-        ),
-        (Imu(header=HEADER), (FRAME,)),
-        (Float64MultiArray(data=[1.0] * 4), (("data", 4),)),
-        (Float64(1.0), ()),
+        (SCAN, ("min(ranges[10:20])",), (FRAME, ("ranges", 360))),
+        (SCAN, ("intensities[3]", "range_max"), (FRAME, ("intensities", 0))),
+        (SCAN, ("count(ranges)",), (FRAME,)),
+        (Odometry(header=HEADER, child_frame_id="base"), (), (FRAME, ("child_frame_id", "base"))),
+        (JOINTS, ("position[name=a]",), (FRAME, ("name", 2), ("position", 2))),
+        (JOINTS, ("velocity[0]", "effort[0]"), (FRAME, ("velocity", 0), ("effort", 1))),
+        (POSES, ("poses[0].position.x",), (FRAME,)),
+        (Imu(header=HEADER), ("orientation_covariance[0]",), (FRAME,)),
+        (Float64MultiArray(data=[1.0] * 4), ("data[0]",), (("data", 4),)),
+        (Float64(1.0), ("data",), ()),
     ],
 )
-def test_frames_and_lengths_are_read(message: Any, form: Any) -> None:
+def test_frames_and_the_lengths_that_a_field_depends_on_are_read(
+    message: Any, fields: Sequence[str], form: Any
+) -> None:
     kind = type(message)
-    decoder = Decoder(kind._type, {"type": kind._type, "md5sum": kind._md5sum}, ())
+    decoder = Decoder(kind._type, {"type": kind._type, "md5sum": kind._md5sum}, fields)
     data = wired(message)
     decoder.values(data)
     assert decoder.form() == form

@@ -63,6 +63,11 @@ def test_what_varies_from_the_start_may_go_on_to(first: Form, then: Form) -> Non
     assert bench.failures == []
 
 
+def test_the_only_element_of_an_array_that_is_no_longer_there_is_missed() -> None:
+    bench = say(scanning((("position", 1),)), (("position", 0),), 3)
+    assert bench.kinds() == [(NODE, "length")]
+
+
 def test_a_longer_array_and_a_part_that_is_missing_are_no_failure() -> None:
     bench = say(scanning(), ((FRAME, "laser"), (RANGES, 720)))
     say(bench, ())

@@ -1,4 +1,5 @@
 """Whose silence is a failure, and who has an alibi."""
+from math import nan
 from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import pytest
@@ -41,6 +42,18 @@ def test_all_that_fall_silent_together_and_come_back_are_not_blamed() -> None:
     bench.wait(1.7 * DEADLINE)
     stream(bench, NODES, 1.0)
     assert bench.failures == []
+
+
+def test_a_node_that_babbles_after_a_silence_that_was_excused_is_found() -> None:
+    bench = robot()
+    bench.wait(1.5 * DEADLINE)
+    for number in range(60):
+        bench.wait(PERIOD / 3)
+        bench.message(nan, NODES[0], NODES[0])
+        if number % 3 == 0:
+            for node in NODES[1:]:
+                bench.message(node=node, topic=node)
+    assert bench.kinds() == [(NODES[0], "not_a_number")]
 
 
 def test_three_nodes_that_fall_silent_within_half_a_deadline_are_not_blamed() -> None:

@@ -1,7 +1,7 @@
 """Evidence against a publisher: samples of its messages, which the checks of its service judge."""
 from collections import deque
 from dataclasses import replace
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from typing import Deque, Dict, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.backlog import Backlog
@@ -14,7 +14,7 @@ from shsa_core.model.samples import FormSample, FormulaSample, RateSample, Stamp
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.learned import Form, StampAges, Stillness
-from shsa_core.monitoring.settings import COMES_AND_GOES, RATE_MESSAGES, RATE_SECONDS, SLOW_PACE
+from shsa_core.monitoring.settings import COMES_AND_GOES, FULL_PACE, RATE_MESSAGES, RATE_SECONDS
 
 
 Learned = Dict[Tuple[str, str], Stillness]
@@ -68,9 +68,9 @@ class _Value:
         still = time - self._began
         sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
         finding = judge(self._checks, sample)
-        outside = finding is not None and finding.kind is Kind.OUT_OF_RANGE
-        self.outside = sample if outside else None
-        self._teaches = self._teaches and finding is None
+        self.outside = sample if finding and finding.kind is Kind.OUT_OF_RANGE else None
+        usual = hold is None or self._run <= hold.messages  # the time alone may let it off
+        self._teaches = self._teaches and usual and finding is None
         if finding is None:
             self.good = value if isfinite(value) else None  # after a gap it may be anywhere
         return finding
@@ -109,6 +109,7 @@ class _Rate:
         self._period, self._fastest = service.period or 0.0, service.fastest
         judged = any(check.sample is RateSample for check in service.checks.each)
         self._judged = judged and service.period is not None
+        self.was_full = -inf  # when it was as it should be last
         count = max(RATE_MESSAGES, ceil(RATE_SECONDS / self._period)) if self._judged else 0
         self.times: Deque[Tuple[float, float, float]] = deque(maxlen=count + 1)
 
@@ -128,16 +129,17 @@ class _Rate:
         times = [each[1] for each in self.times]
         return max((b - a for a, b in zip(times, times[1:])), default=0.0)
 
-    @property
-    def is_slow(self) -> bool:
-        """True if the rate is too low, or nearly so."""
-        return self.is_known and (len(self.times) - 1) * self._period < SLOW_PACE * self.span
+    def is_below(self, pace: float) -> bool:
+        """Tell if the rate is below so much of what it should be."""
+        return self.is_known and (len(self.times) - 1) * self._period < pace * self.span
 
     def samples(self, message: Message, backlog: Backlog) -> Iterator[RateSample]:
         """Yield the mean rate, in doubt for the publisher: it waited for us, or in a silence."""
         came, due = message.time - message.waited, message.time - backlog.owed
         made_up = min(came, due) if backlog.makes_up else came
         self.times.append((made_up, message.time, message.apart or 0.0))
+        if not self.is_below(FULL_PACE):
+            self.was_full = message.time
         if self.is_known:
             yield self.sample(self._period, self._fastest)
 
@@ -238,6 +240,7 @@ class Evidence:
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
         self.verdict, self.backlog = Verdict(service.checks), Backlog()
         self.rate, self.rate_was_good = _Rate(service), False
+        self.was_clean = -inf  # when a message came last with which nothing was wrong
         self._checks = service.checks.each
         self._values = [_Value(provision, learned) for provision in checked]
         self._formulas = [_FormulaRun(each) for each in service.checks.formulas]
@@ -283,9 +286,9 @@ class Evidence:
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Tell if a message is good, and which failure it completes; `failed`: after another."""
-        finding = None
-        for found in self.findings(message, failed):  # all look: each remembers what it saw
-            finding = finding or found
+        found = [*self.findings(message, failed)]  # all look: each remembers what it saw
+        finding = next(filter(None, found), None)
+        self.was_clean = message.time if finding is None else self.was_clean
         good = finding is None and not failed
         self.stamps.heard(message, good)
         self._form.heard(message, good)

@@ -175,7 +175,7 @@ class Judgement:
             return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}
-        upstream = [each for topic in read for each in topics[topic].publishers.values()]
+        upstream = [each for topic in read for each in topics[topic].feeding(self._board.now)]
         if kind is Kind.RATE_LOW:
             return any(each.is_slow for each in upstream)
         replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)

@@ -32,6 +32,7 @@ class StampAges:
         self._usual: Optional[float] = None
         self._allowed = 0.0
         self._last: Optional[int] = None
+        self._learned = 0.0  # when it learned last
         self._grew = 0.0  # when a newer stamp came last
         self._growing = 0.0  # so many were newer than the one before, -inf: not always
 
@@ -61,7 +62,7 @@ class StampAges:
         elif self._growing < settings.LEARN_MESSAGES and self._stands(message.time):
             self._growing = -inf
         if good:
-            self._learn(message.age)
+            self._learn(message.age, message.time)
 
     def _grows(self, stamp: int) -> bool:
         return self._last is None or stamp > self._last
@@ -69,20 +70,21 @@ class StampAges:
     def _stands(self, time: float) -> bool:
         return time - self._grew > BURST_PERIODS * (self.period or 0.0)
 
-    def _learn(self, age: float) -> None:
+    def _learn(self, age: float, time: float) -> None:
+        drift, self._learned = settings.AGE_FOLLOWS * (time - self._learned), time
         if self._usual is not None and age < self._usual - settings.AGE_LEAST_S / 2:
             self._usual = None  # it was learned of messages that had waited before we came
         if self._usual is not None:
-            self._usual += settings.AGE_FOLLOWS * (age - self._usual)
+            self._usual += max(-drift, min(drift, age - self._usual))
             return
         self._ages.append(age)
         if len(self._ages) >= settings.AGES:
             self._usual = median(self._ages)
-            spread = max(abs(each - self._usual) for each in self._ages)
+            spreads = sorted(abs(each - self._usual) for each in self._ages)
             self._allowed = max(
                 settings.AGE_LEAST_S,
                 settings.AGE_PERIODS * (self.period or 0.0),
-                settings.AGE_SPREADS * spread,
+                settings.AGE_SPREADS * spreads[int(settings.AGE_SHARE * len(spreads)) - 1],
             )
             self._ages.clear()
 
@@ -140,11 +142,9 @@ class Stillness:
 
     def allowed(self, value: float) -> Optional[Hold]:
         """Return how long `value` may stay the same; None: for ever, or nobody knows yet."""
-        changes = self._count - self._repeats
         known = self._count >= settings.LEARN_MESSAGES
-        if not known or self._repeats > settings.MOST_REPEATS * self._count:
-            return None
-        if self._turns < settings.LEAST_TURNS * changes:
+        noisy = self._turns >= settings.LEAST_TURNS * (self._count - self._repeats)
+        if not (known and noisy) or self._repeats > settings.MOST_REPEATS * self._count:
             return None
         if value == 0.0 and (self._crossings < settings.LEARN_MESSAGES or self._longest_zero > 1):
             return None

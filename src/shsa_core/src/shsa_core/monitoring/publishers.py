@@ -11,9 +11,11 @@ from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.samples import IntruderSample
 from shsa_core.model.service import AdaptiveDeadline, Deadlines, Service
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.evidence import Evidence, Learned
 from shsa_core.monitoring.learned import LearnedDeadline
+from shsa_core.monitoring.settings import MISSED_PERIODS, SLOW_PACE
 
 NOBODY = ""
 """The name of the publisher that should be there, while there is none."""
@@ -137,10 +139,15 @@ class Publisher:
             if self.service.name == name:
                 self.evidence.take_messages(before)
 
+    def speaks(self, time: float) -> bool:
+        """Tell if its newest message is of now: that of one that hangs, or an old event, is not."""
+        lately = CHANGEOVER_S + MISSED_PERIODS * (self.service.period or 0.0)
+        return time - (self.last_heard or -inf) <= lately
+
     @property
     def is_slow(self) -> bool:
         """True if its messages come too seldom, or nearly so."""
-        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_slow
+        return self.kind is Kind.RATE_LOW or self.evidence.rate.is_below(SLOW_PACE)
 
     @property
     def was_logged(self) -> bool:
@@ -229,6 +236,11 @@ class WatchedTopic:
     def healthy(self) -> List[Publisher]:
         """Return the healthy publishers."""
         return [p for p in self.publishers.values() if p.state is PublisherState.HEALTHY]
+
+    def feeding(self, time: float) -> List[Publisher]:
+        """Return those whose messages are read; the last one of the dead is, if none is healthy."""
+        alone = not self.healthy()
+        return [p for p in self.publishers.values() if alone or p.is_healthy or p.speaks(time)]
 
 
 def without_numbers(text: str) -> str:

@@ -28,8 +28,8 @@ TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
 MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
-SLOW_PACE = 0.8
-"""Of its rate: half way to what counts as too low where the SOM says nothing."""
+SLOW_PACE, FULL_PACE = 0.8, 0.9
+"""Of its rate: half way to what counts as too low where the SOM says nothing, and half of that."""
 REMEMBERED = 200
 """Gaps that are remembered."""
 
@@ -46,12 +46,12 @@ LEARN_MESSAGES = 200
 # Stamps.
 AGES = 50
 """So many messages tell how old stamps usually are, which frames they name, how long arrays are."""
-AGE_FOLLOWS = 0.001
-"""Of a message's difference the usual age follows: clocks drift apart by parts in a million."""
-AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS = 0.5, 10.0, 3.0
-"""A stamp may differ by this, by so many periods or by so many times the largest difference while
-learning, whichever is most. A clock that changes by half of the first from one look to the next
-was set, and with more between two clocks stamps of one tell little on the other."""
+AGE_FOLLOWS = 2e-4
+"""The usual age follows by so much a second: clocks drift apart by less, queues fill by more."""
+AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS, AGE_SHARE = 0.5, 10.0, 3.0, 0.9
+"""A stamp may differ by this, by so many periods or by so many times what this share did at most
+while learning, whichever is most. A clock that changes by half of the first from one look to the
+next was set, and with more between two clocks stamps of one tell little on the other."""
 
 # Values that stand still.
 STILL_FACTOR, STILL_LEAST_S = 10, 1.0

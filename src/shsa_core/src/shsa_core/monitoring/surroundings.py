@@ -6,9 +6,10 @@ from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.model.kinds import Kind
+from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Case, decide
-from shsa_core.monitoring.board import Board
+from shsa_core.monitoring.board import FAILED, Board
 from shsa_core.monitoring.publishers import Publisher, WatchedTopic
 from shsa_core.watch import Watch
 
@@ -33,7 +34,8 @@ class Surroundings:
         self._gaps: Deque[_Gap] = deque(maxlen=settings.REMEMBERED)
         self._waiting: List[Tuple[Publisher, _Gap]] = []
         self._silent: Optional[List[_Gap]] = None  # those that have not ended, as of this look
-        self._slow, self._looked = 0, -inf
+        self._slow: List[Tuple[str, float]] = []  # who was slow at that look, and since when
+        self._looked = -inf
 
     def look(self, late: float) -> None:
         """Look at the time; the monitor was `late` to do so."""
@@ -70,20 +72,24 @@ class Surroundings:
 
     def slow(self, kind: Kind, publisher: Publisher) -> Case:
         """Return the case of a publisher whose messages come too seldom, or too old."""
-        time = self._board.now
+        time, rate = self._board.now, publisher.evidence.rate
         if not 0.0 <= time - self._looked < SAMPLE_S:
             self._looked = time
-            slow = (each for each in self._board.all() if each.is_healthy and each.is_slow)
-            self._slow = len({each.name for each in slow})
-        gap = _Gap(publisher.name, time - publisher.evidence.rate.span, time)
-        return self._late(kind, gap, self._slow)
+            slow = (p for p in self._board.all() if p.is_healthy and p.is_slow)
+            self._slow = [(p.name, p.evidence.rate.was_full + p.evidence.rate.span) for p in slow]
+        # Those that were slow long before it are so for another reason.
+        since = rate.was_full - rate.span if kind is Kind.RATE_LOW else -inf
+        slow_with = {name for name, began in self._slow if began >= since}
+        return self._late(kind, _Gap(publisher.name, time - rate.span, time), len(slow_with))
 
     def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
-        causes = _wrong_with(publisher)
-        outside = (p for p in self._board.all() if p.connected and p.evidence.outside)
+        causes, time = _wrong_with(publisher), self._board.now
+        outside = (p for p in self._board.all() if p.evidence.outside and p.speaks(time))
+        # Who failed long before it was good last has a reason of its own.
+        since = max(publisher.since, publisher.evidence.was_clean) - CHANGEOVER_S
+        outside = (p for p in outside if p.state is not FAILED or p.since >= since)
         apart = [each for each in outside if causes.isdisjoint(_wrong_with(each))]
-        time = self._board.now
         return Case(Kind.OUT_OF_RANGE, time, time, together=1 + len(apart), confirmed=confirmed)
 
     def heard(self, publisher: Publisher, began: float) -> None:
