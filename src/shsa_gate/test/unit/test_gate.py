@@ -209,6 +209,22 @@ def test_stamps_grow_across_substitute_and_node(stand: Stand) -> None:
     assert times == sorted(times) and stand.gap() <= 1.5 * PERIOD + 1e-9
 
 
+@pytest.mark.parametrize("standby_for", ["", FIRST])
+def test_who_stamps_earlier_than_a_substitute_that_spoke_first_is_heard(standby_for: str) -> None:
+    stand = Stand(standby_for=standby_for)
+    stand.substitute()
+    for i in range(40):
+        begin, stamp = stand.time, round((stand.time + 100.0 - 5 * PERIOD) * NS)
+        if standby_for and i < 10:
+            stand.feed(overheard(begin, FIRST, stamp))
+        if standby_for or i >= 10:
+            stand.message(1.0, stamp=stamp)
+        stand.until(begin + 0.4 * PERIOD)
+        stand.message(2.0, SUBSTITUTE, stamp=round((stand.time + 100.0) * NS))
+        stand.until(begin + PERIOD)
+    assert 2.0 in stand.values() and stand.values()[-20:] == [1.0] * 20
+
+
 def test_a_substitutes_stamp_is_no_newer_than_that_of_the_missing_message(stand: Stand) -> None:
     lag = 5 * round(PERIOD * NS)
     stand.message(1.0, stamp=100 * NS)
