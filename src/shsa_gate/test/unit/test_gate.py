@@ -376,6 +376,15 @@ def test_without_known_errors_or_a_fresh_value_nobody_is_doubted() -> None:
         assert stand.values()[-10:] == [7.0] * 10
 
 
+def test_no_turn_through_pi_is_doubted() -> None:
+    yaw = replace(with_value_checks(Witness(0.3)), field="yaw(pose.pose.orientation)")
+    stand = Stand(replace(GATED, provides=(yaw,)))
+    stand.substitute()
+    turn = [math.remainder(0.01 * step, math.tau) for step in range(700)]
+    stand.run(700, turn, [math.remainder(each - 0.05, math.tau) for each in turn])
+    assert {each.publisher for _, each in stand.heard} == {NODE}
+
+
 def test_another_process_of_the_node_is_not_held_to_what_the_first_did() -> None:
     stand = Stand()
     stand.substitute()

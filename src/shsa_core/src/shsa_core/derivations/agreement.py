@@ -16,6 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.checks import LEARNED, Check, Finding, judge
 from shsa_core.model.samples import WitnessSample
 from shsa_core.model.error import Error, spread
+from shsa_core.model.field import difference, is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
@@ -113,7 +114,7 @@ class Suspicion:
     def look(self, measured: Optional[float], time: float) -> None:
         """Compare with each witness that knows enough."""
         witnesses = self.suspect.witnesses
-        apart = _mean(self._differences[-1], witnesses[0].derived, witnesses[-1].derived)
+        apart = self._mean(-1, witnesses[0].derived, witnesses[-1].derived)
         told = self._told(measured, time)
         findings = [judge((self.suspect.check,), sample) for _, sample in told]
         wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
@@ -133,15 +134,26 @@ class Suspicion:
 
     def _told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
         found, (source, check, witnesses) = [], self.suspect
-        for differences, each in zip(self._differences, witnesses):
+        for number, each in enumerate(witnesses):
             derived = each.derived
-            mean = _mean(differences, measured, derived)
+            mean = self._mean(number, measured, derived)
             allowed = each.allowed(time) if check.limit == LEARNED else float(check.limit)
             if measured is None or derived is None or mean is None or not each.knows:
                 continue
             sample = WitnessSample(source.property, measured, derived, mean, each.nodes, allowed)
             found.append((each, sample))
         return found
+
+    def _mean(self, number: int, one: Optional[float], other: Optional[float]) -> Optional[float]:
+        """Add a difference; return their mean; None: a value is missing, or there are too few."""
+        differences = self._differences[number]
+        if one is None or other is None:
+            differences.clear()
+            return None
+        angle = is_angle(self.suspect.source.provision.field)
+        differences.append(abs(difference(one, other, angle)))
+        count = len(differences)
+        return sum(differences) / count if count == differences.maxlen else None
 
 
 class Witnesses:
@@ -204,18 +216,6 @@ class Witnesses:
             if name not in suspicions or suspicions[name].suspect is not suspect:
                 suspicions[name] = Suspicion(suspect)
             suspicions[name].look(measured.get(name), time)
-
-
-def _mean(
-    differences: Deque[float], one: Optional[float], other: Optional[float]
-) -> Optional[float]:
-    """Add a difference, and return their mean; None: a value is missing, or there are too few."""
-    if one is None or other is None:
-        differences.clear()
-        return None
-    differences.append(abs(one - other))
-    count = len(differences)
-    return sum(differences) / count if count == differences.maxlen else None
 
 
 def _agree(apart: Optional[float], samples: List[WitnessSample]) -> bool:

@@ -4,7 +4,7 @@ A program is evaluated with a message of the service's own node, a few times a s
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite, remainder, tau
+from math import inf, isfinite
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -12,7 +12,7 @@ from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import longest_gap
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
-from shsa_core.model.field import is_angle
+from shsa_core.model.field import difference, is_angle
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
@@ -74,9 +74,8 @@ class Output:
             return
         apart = None
         if mine is not None and its is not None:
-            angle = is_angle(self.source.provision.field)
-            off = mine[0] - its[0]
-            apart = remainder(off, tau) if angle else off, mine[1] + its[1]
+            off = difference(mine[0], its[0], is_angle(self.source.provision.field))
+            apart = off, mine[1] + its[1]
         self.growth = self.growth or Growth(settings.GUARD_S, settings.SETTLING_S)
         self.growth.look(time, self.calibrator.beyond(self.derived), apart)
 

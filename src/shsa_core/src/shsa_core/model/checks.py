@@ -3,13 +3,14 @@
 A new kind is one more class here, a constant in shsa_msgs/Failure and a word in `kinds`; a test
 holds the three together.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Iterable, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.language import temporal
 from shsa_core.model import samples
+from shsa_core.model.field import difference
 from shsa_core.model.kinds import Kind
 
 Limit = Union[bool, float]
@@ -98,13 +99,20 @@ class Stuck(Check):
         return f"{seen}, it must change within {self.limit:g} s"
 
 
+@dataclass(frozen=True)
 class Jump(Check):
+    """A step of a value; of an `angle` the shorter way round."""
+
     kind, sample, default, usual = Kind.JUMP, samples.ValueSample, None, None
     tells = "the value is further than this from the last good one, in the property's unit"
 
+    angle: bool = False
+
     def judge(self, sample: samples.ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None or not self.limit < abs(sample.value - before) < inf:
+        if before is None:
+            return None
+        if not self.limit < abs(difference(sample.value, before, self.angle)) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"
@@ -257,6 +265,7 @@ def default_checks(
     of_values: bool,
     is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
+    angle: bool = False,
 ) -> Tuple[Check, ...]:
     """Return the checks of a value, or of a message, by default and as `asked`; None: off."""
     limits = [
@@ -264,7 +273,8 @@ def default_checks(
         for name, each in REGISTRY.items()
         if (each.sample in samples.OF_VALUE) is of_values
     ]
-    return tuple(each(limit) for each, limit in limits if limit is not None)
+    checks = (each(limit) for each, limit in limits if limit is not None)
+    return tuple(replace(c, angle=angle) if isinstance(c, Jump) else c for c in checks)
 
 
 def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:
