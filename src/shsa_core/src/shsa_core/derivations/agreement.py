@@ -197,7 +197,8 @@ class Witnesses:
                 followed.outputs[0].calibrate()
             spreads = spread(source.provision.error), spread(followed.outputs[0].stated)
             found.append(_Witness(followed, by_errors, _apart(*spreads)))
-            excluded.update(cause for each in plan.inputs for cause in each.service.wrong_with)
+            for read in (each.service for each in plan.inputs):
+                excluded.update((read.name, *read.wrong_with, *read.upstream))
         return found
 
     def look(
