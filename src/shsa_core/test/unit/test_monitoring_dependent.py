@@ -3,6 +3,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from monitor_bench import table
 from witness_robot import ONTOLOGY, PERIOD, Robot, service, usual
 
 from shsa_core.model.ontology import Ontology
@@ -51,3 +52,24 @@ def test_two_that_are_computed_from_one_convict_nobody(ontology: Ontology) -> No
     robot.run(10.0)
     robot.run(10.0, raw=20.0, power=240.0, draw=10.0)
     assert robot.failures == []
+
+
+def test_who_computes_from_a_wrong_substitute_is_not_blamed(ontology: Ontology) -> None:
+    robot = RawRobot(ontology, computed("current", 2.0), *usual()[1:])
+    robot.run(10.0)
+    robot.replace_raw()
+    robot.run_replaced(10.0, raw=4.0, current=4.0)
+    assert robot.failures == []
+    row = next(each for each in table(robot.core) if each.topic == "/current")
+    assert row.state == "healthy" and row.detail.startswith("not blamed: what it is computed from")
+
+
+def test_who_was_wrong_before_its_input_failed_stays_so(ontology: Ontology) -> None:
+    robot = RawRobot(ontology, computed("current", 2.0), *usual()[1:])
+    robot.run(10.0)
+    robot.run(10.0, current=4.0)
+    assert robot.kinds() == {"current": "witness"}
+    robot.replace_raw()
+    robot.run_replaced(10.0, raw=10.0, current=4.0)
+    row = next(each for each in table(robot.core) if each.topic == "/current")
+    assert row.state == "failed"

@@ -103,7 +103,11 @@ class Judgement:
                 good, failure = True, None
         contradicted = self._compare(publisher, event, good)
         if contradicted is not None and good:
-            good, failure = False, contradicted
+            # Who was found wrong before its inputs failed is not excused by that.
+            excuse = None if publisher.state is FAILED else self._alibi(publisher, contradicted)
+            alibi = alibi or excuse
+            if excuse is None:
+                good, failure = False, contradicted
         intrusion = self._intrusion(publisher)
         if intrusion is not None:
             good, failure = False, intrusion
