@@ -73,3 +73,15 @@ def test_who_was_wrong_before_its_input_failed_stays_so(ontology: Ontology) -> N
     robot.run_replaced(10.0, raw=10.0, current=4.0)
     row = next(each for each in table(robot.core) if each.topic == "/current")
     assert row.state == "failed"
+
+
+def test_a_value_out_of_its_range_does_not_confirm_itself(ontology: Ontology) -> None:
+    """What is made from it replaces what the only witness computes from."""
+    current = service("current", 2.0)
+    narrow = replace(current.provides[0], range=(0.0, 15.0))
+    robot = RawRobot(ontology, replace(current, provides=(narrow,)), computed("draw"))
+    robot.run(10.0)
+    robot.replace_raw()
+    robot.run_replaced(5.0, raw=10.0)
+    robot.run_replaced(5.0, raw=40.0, current=40.0, draw=20.0)
+    assert robot.kinds() == {"current": "out_of_range"}

@@ -132,6 +132,7 @@ class Judgement:
             self._witnesses.look(service, publisher.suspicions, values, time)
         suspicions = publisher.suspicions.values()
         sound = good and publisher.is_healthy and not any(each.doubtful for each in suspicions)
+        sound = sound and not self._is_fed_badly(publisher, Kind.WITNESS)
         self._derivations.judged(service, time, sound)
         return next((each.finding for each in suspicions if each.finding), None)
 
@@ -175,7 +176,7 @@ class Judgement:
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:
         """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""
-        if publisher.name not in publisher.topic.nodes:
+        if not publisher.service.upstream or publisher.name not in publisher.topic.nodes:
             return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}
