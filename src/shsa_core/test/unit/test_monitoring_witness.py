@@ -11,9 +11,16 @@ from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import WitnessSample
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Connected, Disconnected, SomChanged
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import (
+    Connected,
+    Disconnected,
+    Message,
+    SomChanged,
+    SubstitutionsChanged,
+)
 from shsa_testing.models import ontology_in
 
 
@@ -153,6 +160,26 @@ def test_a_node_that_starts_anew_is_not_accused_of_what_its_predecessor_did(
     assert robot.kinds() == {"current": "node_gone"}
     robot.run(5.0, current=4.0)
     assert robot.kinds() == {"current": "witness"}
+
+
+def test_who_speaks_just_before_a_node_does_not_hide_it(ontology: Ontology) -> None:
+    """First a stranger, then as its substitute."""
+    robot, other = Robot(ontology, *usual()), "/other"
+    robot.run(20.1)
+    robot.hear(Connected(robot.now, "/current", other))
+
+    def run(seconds: float, **wrong: Any) -> Dict[str, str]:
+        for _ in range(round(seconds / PERIOD)):
+            robot.hear(Message(robot.now + PERIOD - 0.001, "/current", other, (10.0,)))
+            robot.run(PERIOD, **wrong)
+        return {each.publisher: str(each.state) for each in table(robot.core)}
+
+    assert run(20.0, current=4.0)["/current_node"] == "failed"
+    output = Signal("/current", "data", "x/Y", "", PERIOD, 5 * PERIOD)
+    row = Substitution(other, "current", (), "y=0.0", (output,), publishing=True)
+    robot.hear(SubstitutionsChanged(robot.now, (row,)))
+    assert run(20.0, current=4.0)["/current_node"] == "failed"
+    assert run(10.0)["/current_node"] == "healthy"
 
 
 def test_a_short_difference_is_none(ontology: Ontology) -> None:

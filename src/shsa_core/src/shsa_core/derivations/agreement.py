@@ -166,12 +166,12 @@ class Witnesses:
     def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
         """Compare what `som` wants compared; what was learned of differences begins anew."""
         known = self._ontology.properties
-        table = SourceTable(
-            self._ontology.network, (each for each in som.sources if each.property in known)
-        )
+        readable = [source for service in som for source in service.readable]
+        usable = [source for source in readable if source.property in known]
+        table = SourceTable(self._ontology.network, usable)
         self._suspects = {service.name: [] for service in som}
-        for source in (each for service in som for each in service.readable):
-            for check in source.provision.checks if source.property in known else ():
+        for source in usable:
+            for check in source.provision.checks:
                 if check.sample is WitnessSample:
                     witnesses = self._witnesses(source, table, check.limit == LEARNED, predictor)
                     if witnesses:
@@ -185,10 +185,9 @@ class Witnesses:
         found: List[_Witness] = []
         excluded = {source.service.name, *source.service.wrong_with}
         while len(found) < 2:
-            question = self._ontology, (source,)
+            others = table.excluding(sorted(excluded))
             try:
-                others = table.excluding(sorted(excluded))
-                plan = plan_sources(*question, others, predictor=predictor)
+                plan = plan_sources(self._ontology, (source,), others, predictor=predictor)
                 followed = self._derivations.made(plan)
             except ShsaError:
                 break  # nobody else can tell

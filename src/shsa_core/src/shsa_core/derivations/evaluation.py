@@ -151,7 +151,8 @@ class _Heard:
 
     `values`: what its own node told while healthy, by property, with their times. `measured`: all
     of its newest message, with which the plans were evaluated; None: they were not. `sound`:
-    nothing is held against that message. `readers`: the plans that read it.
+    nothing is held against that message. `readers`: the plans that read it. `evaluated`: when, and
+    `compared`: when last while its node was not there.
     """
 
     service: Service
@@ -159,6 +160,7 @@ class _Heard:
     measured: Optional[Mapping[str, float]] = None
     sound: bool = False
     evaluated: float = -inf
+    compared: float = -inf
     readers: Set[FollowedPlan] = field(default_factory=set)
     plans: List[FollowedPlan] = field(default_factory=list)
 
@@ -247,19 +249,23 @@ class Derivations:
         heard = self._services[service.name]
         if good:
             heard.values.update((name, (time, value)) for name, value in values.items())
-        due = not 0.0 <= time - heard.evaluated < settings.SAMPLE_S
-        heard.measured = values if due else None
-        if due:
-            heard.evaluated = time
-        for each in heard.plans:
-            if each.is_followed and (due or each.remembers):
+        due = self._evaluate_all(heard, heard.evaluated, time)
+        heard.measured, heard.evaluated = (values, time) if due else (None, heard.evaluated)
+        return due
+
+    def _evaluate_all(self, heard: _Heard, last: float, time: float) -> bool:
+        """Evaluate what is due since the `last` time; tell if all plans are."""
+        due = not 0.0 <= time - last < settings.SAMPLE_S
+        for each in heard.followed:
+            if due or each.remembers:
                 self._evaluate(each, time)
         return due
 
     def unmeasured(self, service: Service, time: float) -> None:
-        """A substitute speaks for a service: see how far its derivations can be believed."""
-        if self.heard(service, {}, time, False):
-            followed = self._services[service.name].followed
+        """Its node is not there: see how far derivations of a service can be believed."""
+        heard = self._services[service.name]
+        if self._evaluate_all(heard, heard.compared, time):
+            heard.compared, followed = time, heard.followed
             for each in followed:
                 for output in () if each.doubtful else each.outputs:
                     output.compare(time, each.opinion(output, followed))

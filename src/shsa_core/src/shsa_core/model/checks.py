@@ -101,18 +101,15 @@ class Stuck(Check):
 
 @dataclass(frozen=True)
 class Jump(Check):
-    """A step of a value; of an `angle` the shorter way round."""
-
     kind, sample, default, usual = Kind.JUMP, samples.ValueSample, None, None
     tells = "the value is further than this from the last good one, in the property's unit"
 
-    angle: bool = False
+    angle: bool = False  # it is as far as the shorter way round
 
     def judge(self, sample: samples.ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None:
-            return None
-        if not self.limit < abs(difference(sample.value, before, self.angle)) < inf:
+        step = 0.0 if before is None else difference(sample.value, before, self.angle)
+        if before is None or not self.limit < abs(step) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"

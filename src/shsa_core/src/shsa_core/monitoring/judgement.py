@@ -93,9 +93,8 @@ class Judgement:
     def _is_good(self, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
         row, alibi = self._board.substitution(publisher), None
-        here = row is not None and event.topic in row.topics
-        written = {each.field for each in row.outputs} if row is not None and here else None
-        publisher.evidence.written = written
+        written = row.outputs if row is not None and event.topic in row.topics else None
+        publisher.evidence.written = None if written is None else {e.field for e in written}
         good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
         if failure is not None:
             alibi = self._alibi(publisher, failure)
@@ -124,7 +123,8 @@ class Judgement:
         if message.values is None or not self._derivations.concerns(service):
             return None
         if service.node != publisher.name:
-            self._derivations.unmeasured(service, message.time)
+            if not self._board.is_there(service):
+                self._derivations.unmeasured(service, message.time)
             return None
         named, time = zip(evidence.properties, message.values), message.time
         values = {name: v for name, v in named if v is not None and isfinite(v)}
@@ -142,12 +142,11 @@ class Judgement:
         if outside.range is None or service.node != publisher.name:
             return False
         low, high = outside.range
-        beyond = max(low - outside.value, outside.value - high)
-        for derived in self._derivations.derived(service, outside.name, self._board.now):
-            same_side = derived < low if outside.value < low else derived > high
-            if same_side and 0.5 * beyond <= max(low - derived, derived - high) <= 2.0 * beyond:
-                return True
-        return False
+        told = self._derivations.derived(service, outside.name, self._board.now)
+        below = outside.value < low
+        beyond = low - outside.value if below else outside.value - high
+        far = (low - each if below else each - high for each in told)
+        return any(0.5 * beyond <= each <= 2.0 * beyond for each in far)
 
     def _note(self, publisher: Publisher, alibi: Optional[Alibi]) -> None:
         """Tell why a publisher is not blamed, or what is doubtful or unusual of its values."""
