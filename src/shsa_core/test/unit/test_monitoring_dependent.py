@@ -85,3 +85,16 @@ def test_a_value_out_of_its_range_does_not_confirm_itself(ontology: Ontology) ->
     robot.run_replaced(5.0, raw=10.0)
     robot.run_replaced(5.0, raw=40.0, current=40.0, draw=20.0)
     assert robot.kinds() == {"current": "out_of_range"}
+
+
+def test_event_driven_nodes_that_died_are_no_witnesses(ontology: Ontology) -> None:
+    others = [replace(each, period=None) for each in usual()[1:]]
+    robot = Robot(ontology, service("current", 2.0), *others)
+    robot.run(10.0)
+    for each in others:
+        robot.hear(Disconnected(robot.now, each.topic, each.node))
+    robot.failures.clear()
+    robot.services = robot.services[:1]
+    robot.true["current"] = 20.0
+    robot.run(10.0)
+    assert robot.failures == []

@@ -264,6 +264,7 @@ class Derivations:
     def unmeasured(self, service: Service, time: float) -> None:
         """Its node is not there: see how far derivations of a service can be believed."""
         heard = self._services[service.name]
+        heard.values.clear()  # if it is event-driven they would be fresh for ever
         if self._evaluate_all(heard, heard.compared, time):
             heard.compared, followed = time, heard.followed
             for each in followed:
