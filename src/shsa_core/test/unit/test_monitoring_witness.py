@@ -113,6 +113,19 @@ def test_what_was_learned_outlives_a_change_of_an_inputs_numbers(ontology: Ontol
     assert followed.outputs[0].derivation.inputs[0].source.service == slower  # type: ignore
 
 
+def test_what_is_wrong_stays_so_where_another_services_numbers_change(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(5.0, current=4.0)
+    slower = [replace(each, period=0.025) if each.name == "draw" else each for each in usual()]
+    robot.hear(SomChanged(robot.now, Som(slower)))
+    robot.run(5.0, current=4.0)
+    assert {str(each.state) for each in table(robot.core) if each.topic == "/current"} == {"failed"}
+    robot.hear(SomChanged(robot.now, Som(slower[:3])))
+    robot.run(5.0, current=4.0)
+    assert healthy(robot)["current"] == "doubtful", "one witness is left"
+
+
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:
     robot = Robot(ontology, *usual()[:3])
     robot.run(10.0)
@@ -338,7 +351,7 @@ def test_a_value_out_of_its_range_that_others_confirm_accuses_the_som(ontology: 
 
 def test_two_witnesses_agree_within_the_errors_of_both() -> None:
     """Errors of 3 and 4 that know nothing of each other allow 5."""
-    exact, rough = (WitnessSample("x", 20.0, 0.0, 20.0, (), each) for each in (3.0, 4.0))
+    exact, rough = (WitnessSample("x", 20.0, 0.0, 20.0, "", each) for each in (3.0, 4.0))
     for samples in ([exact, rough], [rough, exact]):
         assert agree(4.9, samples) and not agree(5.1, samples)
     assert not agree(4.9, [exact, replace(rough, mean=4.9)]), "it is as far from the sensor"

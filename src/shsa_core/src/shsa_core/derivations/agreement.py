@@ -37,17 +37,12 @@ class _Witness:
     followed: FollowedPlan
     calibrated: bool
     stated: Optional[float]
-    seen: Deque[Tuple[float, Error]] = field(default_factory=deque)
+    seen: Deque[Tuple[float, Error]] = field(default_factory=deque, compare=False)
 
     @property
-    def nodes(self) -> Tuple[str, ...]:
-        """The nodes that it reads."""
-        return tuple(dict.fromkeys(each.node for each in self.followed.plan.inputs))
-
-    @property
-    def names(self) -> str:
-        """Those nodes, in words."""
-        return ", ".join(self.nodes)
+    def nodes(self) -> str:
+        """The nodes that it reads, in words."""
+        return ", ".join(dict.fromkeys(each.node for each in self.followed.plan.inputs))
 
     @property
     def derived(self) -> Optional[float]:
@@ -124,7 +119,7 @@ class Suspicion:
         self.finding = None
         if self._disputed > settings.WITNESS_LOOKS and findings[0] is not None:
             other, sample = told[1]
-            detail = f"{findings[0].detail}; by {other.names} it is {sample.derived:g}"
+            detail = f"{findings[0].detail}; by {other.nodes} it is {sample.derived:g}"
             self.finding = Finding(findings[0].kind, detail)
         lasts = self._wrong > settings.WITNESS_LOOKS and self.finding is None
         doubted = wrong if lasts else []
@@ -157,26 +152,27 @@ class Suspicion:
 
 
 class Witnesses:
-    """The values that the SOM wants compared. Times in s."""
+    """The values that the SOM wants compared; `suspects`: by service. Times in s."""
 
     def __init__(self, ontology: Ontology, derivations: Derivations) -> None:
         self._ontology, self._derivations = ontology, derivations
-        self._suspects: Dict[str, List[_Suspect]] = {}
+        self.suspects: Dict[str, List[_Suspect]] = {}
 
     def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
-        """Compare what `som` wants compared; what was learned of differences begins anew."""
+        """Compare what `som` wants compared: what is compared as before goes on."""
         known = self._ontology.properties
         readable = [source for service in som for source in service.readable]
         usable = [source for source in readable if source.property in known]
         table = SourceTable(self._ontology.network, usable)
-        self._suspects = {service.name: [] for service in som}
+        before, self.suspects = self.suspects, {service.name: [] for service in som}
         for source in usable:
             for check in source.provision.checks:
                 if check.sample is WitnessSample:
                     witnesses = self._witnesses(source, table, check.limit == LEARNED, predictor)
                     if witnesses:
-                        suspect = _Suspect(source, check, witnesses)
-                        self._suspects[source.service.name].append(suspect)
+                        name, suspect = source.service.name, _Suspect(source, check, witnesses)
+                        same = [each for each in before.get(name, []) if each == suspect]
+                        self.suspects[name] += same or [suspect]
 
     def _witnesses(
         self, source: Source, table: SourceTable, by_errors: bool, predictor: Optional[Predictor]
@@ -211,7 +207,7 @@ class Witnesses:
 
         `suspicions`: what is held against this life of the node, by property; this is kept up.
         """
-        for suspect in self._suspects[service.name]:
+        for suspect in self.suspects[service.name]:
             name = suspect.source.property
             if name not in suspicions or suspicions[name].suspect is not suspect:
                 suspicions[name] = Suspicion(suspect)
@@ -234,11 +230,11 @@ def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[
     if not wrong:
         return {}
     source = suspect.source
-    told = [f"by {each.names} {each.derived:g}" for each in wrong]
+    told = [f"by {each.nodes} {each.derived:g}" for each in wrong]
     text = f"{source.property} is {' and '.join(told)}, which {source.node} "
     if all_differ:
         return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
-    text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
+    text += f"and {', '.join(each.nodes for each in suspect.witnesses if each not in wrong)} "
     return {
         each.service.name: f"{text}contradict" for one in wrong for each in one.followed.plan.inputs
     }

@@ -125,7 +125,7 @@ class Witness(Check):
         limit = sample.allowed if self.limit == LEARNED else self.limit
         if limit is None or sample.mean <= limit:
             return None
-        seen = f"{sample.name} is {sample.value:g}, by {', '.join(sample.nodes)} it is"
+        seen = f"{sample.name} is {sample.value:g}, by {sample.nodes} it is"
         return f"{seen} {sample.derived:g}; they differ by {sample.mean:g}, {limit:g} are allowed"
 
 

@@ -41,8 +41,9 @@ class Judgement:
         self._derivations.watch(som)
         self._calibrations.watch(som, knows)
         self._witnesses.watch(som, knows)
-        for publisher in self._board.all():
-            publisher.suspicions.clear()
+        for each in self._board.all():
+            held, compared = each.suspicions, self._witnesses.suspects.get(each.service.name, ())
+            each.suspicions = {name: s for name, s in held.items() if s.suspect in compared}
 
     def tick(self) -> None:
         """Look at what was learned of derivations."""
