@@ -271,6 +271,29 @@ def test_who_is_gone_is_told_after_its_last_message(bench: Bench) -> None:
     assert not bench.inputs.stands("/out", ORIGINAL)
 
 
+def test_of_who_is_gone_nothing_is_kept_for_later(bench: Bench) -> None:
+    """Names of anonymous nodes are new each time."""
+    for topic in ("/plan", "/in"):
+        bench.listen(topic)
+    bench.inputs.read(["/in"])
+    bench.inputs.hurry(False)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        uri = f"http://127.0.0.1:{listening.getsockname()[1]}/"
+    for topic in ("/plan", "/in"):
+        end = bench.connect(topic, f"/one_of{topic}", uri=uri)
+        say(end, Float64(1.0))
+        end.close()
+
+        def is_gone() -> bool:
+            bench.take()
+            return not bench.inputs.stands(topic, f"/one_of{topic}")
+
+        wait_until(is_gone, 10.0, "it is gone")
+    bench.take()
+    assert list(bench.inputs._newest) == [("/in", "/one_of/in")], "this is read soon"
+    assert values(bench.take(reads=True)) == [("/in", 1.0)]
+
+
 def test_who_only_closed_its_connection_is_not_gone(bench: Bench) -> None:
     bench.inputs.overhear("/out", "std_msgs/Float64")
     with socket.create_server(("127.0.0.1", 0)) as listening:

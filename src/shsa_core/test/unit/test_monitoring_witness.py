@@ -1,83 +1,32 @@
 """A value in its range that is wrong: others tell, where the SOM says how far off it may be."""
 from dataclasses import replace
-from random import Random
-from typing import Any, Dict, List, Optional, Set
+from typing import Any, Dict, List, Set
 
 import pytest
 from monitor_bench import table
+from witness_robot import ONTOLOGY, PERIOD, Robot, service, usual
 
 from shsa_core.derivations.agreement import _agree as agree
-from shsa_core.model.calibration import CalibrationRow, CalibrationsChanged
 from shsa_core.model.checks import LEARNED, Witness, default_checks
 from shsa_core.model.error import Error
-from shsa_core.model.health import PublisherHealth
-from shsa_core.model.log import Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.samples import WitnessSample
-from shsa_core.model.service import Provision, Service
+from shsa_core.model.service import Provision, Service, Signal
 from shsa_core.model.som import Som
-from shsa_core.monitoring.events import Connected, Disconnected, Message, SomChanged, Tick
-from shsa_core.monitoring.machine import Monitor
-from shsa_testing.failures import failures_in
+from shsa_core.model.substitution import Substitution
+from shsa_core.monitoring.events import (
+    Connected,
+    Disconnected,
+    Message,
+    SomChanged,
+    SubstitutionsChanged,
+)
 from shsa_testing.models import ontology_in
-
-PERIOD = 0.02
-ONTOLOGY = """
-properties: {power: {}, voltage: {}, current: {}, draw: {}}
-relations:
-  power: {current: power / voltage, voltage: power / current, power: voltage * current}
-  draw: {current: 2 * draw}
-"""
 
 
 @pytest.fixture(scope="module")
 def ontology(tmp_path_factory: Any) -> Ontology:
     return ontology_in(tmp_path_factory.mktemp("model"), ONTOLOGY)
-
-
-def service(name: str, limit: Optional[float] = None) -> Service:
-    checks = default_checks(True) + (() if limit is None else (Witness(limit),))
-    value = Provision(name, "data", (0.0, 1000.0), checks=checks)
-    return Service(name, f"/{name}", "std_msgs/Float64", f"/{name}_node", PERIOD, (value,))
-
-
-class Robot:
-    """Four sensors with noise, and what is added to each."""
-
-    def __init__(self, ontology: Ontology, *services: Service) -> None:
-        self.core, self.now = Monitor(ontology=ontology), 100.0
-        self.random, self.services = Random(1), services
-        self.true = {"power": 120.0, "voltage": 12.0, "current": 10.0, "draw": 5.0}
-        self.failures: List[PublisherHealth] = []
-        self.told: List[str] = []
-        self.calibrated: List[CalibrationRow] = []
-        self.hear(SomChanged(self.now, Som(services)))
-        for each in services:
-            self.hear(Connected(self.now, each.topic, each.node))
-
-    def hear(self, event: Any) -> None:
-        said = self.core.handle(event)
-        self.failures += failures_in(said)
-        changed = (each for each in said if isinstance(each, CalibrationsChanged))
-        self.calibrated += [row for each in changed for row in each.rows]
-        self.told += [each.text for each in said if isinstance(each, Log)]
-
-    def run(self, seconds: float, silent: str = "", **wrong: float) -> None:
-        for _ in range(round(seconds / PERIOD)):
-            self.now += PERIOD
-            for each in self.services:
-                if each.name != silent:
-                    value = self.true[each.name] * self.random.gauss(1.0, 0.01)
-                    value = wrong.get(each.name, value) * self.random.gauss(1.0, 0.001)
-                    self.hear(Message(self.now, each.topic, each.node, (value,)))
-            self.hear(Tick(self.now))
-
-    def kinds(self) -> Dict[str, str]:
-        return {each.service: str(each.kind) for each in self.failures}
-
-
-def usual() -> List[Service]:
-    return [service("current", 2.0), service("power"), service("voltage"), service("draw")]
 
 
 def test_what_is_wrong_within_its_range_is_found_in_five_seconds(ontology: Ontology) -> None:
@@ -164,6 +113,19 @@ def test_what_was_learned_outlives_a_change_of_an_inputs_numbers(ontology: Ontol
     assert followed.outputs[0].derivation.inputs[0].source.service == slower  # type: ignore
 
 
+def test_what_is_wrong_stays_so_where_another_services_numbers_change(ontology: Ontology) -> None:
+    robot = Robot(ontology, *usual())
+    robot.run(10.0)
+    robot.run(5.0, current=4.0)
+    slower = [replace(each, period=0.025) if each.name == "draw" else each for each in usual()]
+    robot.hear(SomChanged(robot.now, Som(slower)))
+    robot.run(5.0, current=4.0)
+    assert {str(each.state) for each in table(robot.core) if each.topic == "/current"} == {"failed"}
+    robot.hear(SomChanged(robot.now, Som(slower[:3])))
+    robot.run(5.0, current=4.0)
+    assert healthy(robot)["current"] == "doubtful", "one witness is left"
+
+
 def test_one_witness_never_convicts_and_is_told_once(ontology: Ontology) -> None:
     robot = Robot(ontology, *usual()[:3])
     robot.run(10.0)
@@ -211,6 +173,26 @@ def test_a_node_that_starts_anew_is_not_accused_of_what_its_predecessor_did(
     assert robot.kinds() == {"current": "node_gone"}
     robot.run(5.0, current=4.0)
     assert robot.kinds() == {"current": "witness"}
+
+
+def test_who_speaks_just_before_a_node_does_not_hide_it(ontology: Ontology) -> None:
+    """First a stranger, then as its substitute."""
+    robot, other = Robot(ontology, *usual()), "/other"
+    robot.run(20.1)
+    robot.hear(Connected(robot.now, "/current", other))
+
+    def run(seconds: float, **wrong: Any) -> Dict[str, str]:
+        for _ in range(round(seconds / PERIOD)):
+            robot.hear(Message(robot.now + PERIOD - 0.001, "/current", other, (10.0,)))
+            robot.run(PERIOD, **wrong)
+        return {each.publisher: str(each.state) for each in table(robot.core)}
+
+    assert run(20.0, current=4.0)["/current_node"] == "failed"
+    output = Signal("/current", "data", "x/Y", "", PERIOD, 5 * PERIOD)
+    row = Substitution(other, "current", (), "y=0.0", (output,), publishing=True)
+    robot.hear(SubstitutionsChanged(robot.now, (row,)))
+    assert run(20.0, current=4.0)["/current_node"] == "failed"
+    assert run(10.0)["/current_node"] == "healthy"
 
 
 def test_a_short_difference_is_none(ontology: Ontology) -> None:
@@ -369,7 +351,7 @@ def test_a_value_out_of_its_range_that_others_confirm_accuses_the_som(ontology: 
 
 def test_two_witnesses_agree_within_the_errors_of_both() -> None:
     """Errors of 3 and 4 that know nothing of each other allow 5."""
-    exact, rough = (WitnessSample("x", 20.0, 0.0, 20.0, (), each) for each in (3.0, 4.0))
+    exact, rough = (WitnessSample("x", 20.0, 0.0, 20.0, "", each) for each in (3.0, 4.0))
     for samples in ([exact, rough], [rough, exact]):
         assert agree(4.9, samples) and not agree(5.1, samples)
     assert not agree(4.9, [exact, replace(rough, mean=4.9)]), "it is as far from the sensor"

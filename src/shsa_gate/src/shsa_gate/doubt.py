@@ -10,7 +10,8 @@ from typing import Dict, Iterable, Optional, Tuple
 from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.model.checks import LEARNED, Witness
 from shsa_core.model.error import spread
-from shsa_core.model.service import Service
+from shsa_core.model.field import difference, is_angle
+from shsa_core.model.service import Provision, Service
 from shsa_core.model.substitution import Substitution
 from shsa_gate import settings
 
@@ -34,23 +35,27 @@ class Doubt:
         for each, limit in self._limits:
             allowed = spread(errors.get(each.field)) if limit == LEARNED else limit
             pair = said.get(each.property), derived.get(each.property)
-            doubted = self._contradicts(each.property, allowed, *pair) or doubted
+            doubted = self._contradicts(each, allowed, *pair) or doubted
         self._since = min(self._since, time) if doubted else inf
         if time - self._since > settings.JUDGED_LOOKS * SAMPLE_S:
             self._agreed.clear()
         return doubted
 
     def _contradicts(
-        self, name: str, allowed: Optional[float], value: Optional[float], other: Optional[float]
+        self,
+        of: Provision,
+        allowed: Optional[float],
+        value: Optional[float],
+        other: Optional[float],
     ) -> bool:
         if value is None or other is None or allowed is None:
             return False
-        agreed = self._agreed.pop(name, None)
-        if abs(value - other) <= allowed:
+        agreed, angle = self._agreed.pop(of.property, None), is_angle(of.field)
+        if abs(difference(value, other, angle)) <= allowed:
             agreed = value, other
-        elif agreed is None or abs(value - agreed[0]) <= max(
-            allowed / 2.0, 2.0 * abs(other - agreed[1])
+        elif agreed is None or abs(difference(value, agreed[0], angle)) <= max(
+            allowed / 2.0, 2.0 * abs(difference(other, agreed[1], angle))
         ):
             return False  # it was so before, or it is the substitute's value that moved
-        self._agreed[name] = agreed
+        self._agreed[of.property] = agreed
         return agreed[0] != value

@@ -209,6 +209,22 @@ def test_stamps_grow_across_substitute_and_node(stand: Stand) -> None:
     assert times == sorted(times) and stand.gap() <= 1.5 * PERIOD + 1e-9
 
 
+@pytest.mark.parametrize("standby_for", ["", FIRST])
+def test_who_stamps_earlier_than_a_substitute_that_spoke_first_is_heard(standby_for: str) -> None:
+    stand = Stand(standby_for=standby_for)
+    stand.substitute()
+    for i in range(40):
+        begin, stamp = stand.time, round((stand.time + 100.0 - 5 * PERIOD) * NS)
+        if standby_for and i < 10:
+            stand.feed(overheard(begin, FIRST, stamp))
+        if standby_for or i >= 10:
+            stand.message(1.0, stamp=stamp)
+        stand.until(begin + 0.4 * PERIOD)
+        stand.message(2.0, SUBSTITUTE, stamp=round((stand.time + 100.0) * NS))
+        stand.until(begin + PERIOD)
+    assert 2.0 in stand.values() and stand.values()[-20:] == [1.0] * 20
+
+
 def test_a_substitutes_stamp_is_no_newer_than_that_of_the_missing_message(stand: Stand) -> None:
     lag = 5 * round(PERIOD * NS)
     stand.message(1.0, stamp=100 * NS)
@@ -358,6 +374,15 @@ def test_without_known_errors_or_a_fresh_value_nobody_is_doubted() -> None:
         stand.run(4, substitute=substitute)
         stand.run(10, 7.0, substitute)
         assert stand.values()[-10:] == [7.0] * 10
+
+
+def test_no_turn_through_pi_is_doubted() -> None:
+    yaw = replace(with_value_checks(Witness(0.3)), field="yaw(pose.pose.orientation)")
+    stand = Stand(replace(GATED, provides=(yaw,)))
+    stand.substitute()
+    turn = [math.remainder(0.01 * step, math.tau) for step in range(700)]
+    stand.run(700, turn, [math.remainder(each - 0.05, math.tau) for each in turn])
+    assert {each.publisher for _, each in stand.heard} == {NODE}
 
 
 def test_another_process_of_the_node_is_not_held_to_what_the_first_did() -> None:

@@ -16,6 +16,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.checks import LEARNED, Check, Finding, judge
 from shsa_core.model.samples import WitnessSample
 from shsa_core.model.error import Error, spread
+from shsa_core.model.field import difference, is_angle
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
@@ -36,17 +37,12 @@ class _Witness:
     followed: FollowedPlan
     calibrated: bool
     stated: Optional[float]
-    seen: Deque[Tuple[float, Error]] = field(default_factory=deque)
+    seen: Deque[Tuple[float, Error]] = field(default_factory=deque, compare=False)
 
     @property
-    def nodes(self) -> Tuple[str, ...]:
-        """The nodes that it reads."""
-        return tuple(dict.fromkeys(each.node for each in self.followed.plan.inputs))
-
-    @property
-    def names(self) -> str:
-        """Those nodes, in words."""
-        return ", ".join(self.nodes)
+    def nodes(self) -> str:
+        """The nodes that it reads, in words."""
+        return ", ".join(dict.fromkeys(each.node for each in self.followed.plan.inputs))
 
     @property
     def derived(self) -> Optional[float]:
@@ -113,7 +109,7 @@ class Suspicion:
     def look(self, measured: Optional[float], time: float) -> None:
         """Compare with each witness that knows enough."""
         witnesses = self.suspect.witnesses
-        apart = _mean(self._differences[-1], witnesses[0].derived, witnesses[-1].derived)
+        apart = self._mean(-1, witnesses[0].derived, witnesses[-1].derived)
         told = self._told(measured, time)
         findings = [judge((self.suspect.check,), sample) for _, sample in told]
         wrong = [each for (each, _), finding in zip(told, findings) if finding is not None]
@@ -123,7 +119,7 @@ class Suspicion:
         self.finding = None
         if self._disputed > settings.WITNESS_LOOKS and findings[0] is not None:
             other, sample = told[1]
-            detail = f"{findings[0].detail}; by {other.names} it is {sample.derived:g}"
+            detail = f"{findings[0].detail}; by {other.nodes} it is {sample.derived:g}"
             self.finding = Finding(findings[0].kind, detail)
         lasts = self._wrong > settings.WITNESS_LOOKS and self.finding is None
         doubted = wrong if lasts else []
@@ -133,9 +129,9 @@ class Suspicion:
 
     def _told(self, measured: Optional[float], time: float) -> List[Tuple[_Witness, WitnessSample]]:
         found, (source, check, witnesses) = [], self.suspect
-        for differences, each in zip(self._differences, witnesses):
+        for number, each in enumerate(witnesses):
             derived = each.derived
-            mean = _mean(differences, measured, derived)
+            mean = self._mean(number, measured, derived)
             allowed = each.allowed(time) if check.limit == LEARNED else float(check.limit)
             if measured is None or derived is None or mean is None or not each.knows:
                 continue
@@ -143,28 +139,40 @@ class Suspicion:
             found.append((each, sample))
         return found
 
+    def _mean(self, number: int, one: Optional[float], other: Optional[float]) -> Optional[float]:
+        """Add a difference; return their mean; None: a value is missing, or there are too few."""
+        differences = self._differences[number]
+        if one is None or other is None:
+            differences.clear()
+            return None
+        angle = is_angle(self.suspect.source.provision.field)
+        differences.append(abs(difference(one, other, angle)))
+        count = len(differences)
+        return sum(differences) / count if count == differences.maxlen else None
+
 
 class Witnesses:
-    """The values that the SOM wants compared. Times in s."""
+    """The values that the SOM wants compared; `suspects`: by service. Times in s."""
 
     def __init__(self, ontology: Ontology, derivations: Derivations) -> None:
         self._ontology, self._derivations = ontology, derivations
-        self._suspects: Dict[str, List[_Suspect]] = {}
+        self.suspects: Dict[str, List[_Suspect]] = {}
 
     def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
-        """Compare what `som` wants compared; what was learned of differences begins anew."""
+        """Compare what `som` wants compared: what is compared as before goes on."""
         known = self._ontology.properties
-        table = SourceTable(
-            self._ontology.network, (each for each in som.sources if each.property in known)
-        )
-        self._suspects = {service.name: [] for service in som}
-        for source in (each for service in som for each in service.readable):
-            for check in source.provision.checks if source.property in known else ():
+        readable = [source for service in som for source in service.readable]
+        usable = [source for source in readable if source.property in known]
+        table = SourceTable(self._ontology.network, usable)
+        before, self.suspects = self.suspects, {service.name: [] for service in som}
+        for source in usable:
+            for check in source.provision.checks:
                 if check.sample is WitnessSample:
                     witnesses = self._witnesses(source, table, check.limit == LEARNED, predictor)
                     if witnesses:
-                        suspect = _Suspect(source, check, witnesses)
-                        self._suspects[source.service.name].append(suspect)
+                        name, suspect = source.service.name, _Suspect(source, check, witnesses)
+                        same = [each for each in before.get(name, []) if each == suspect]
+                        self.suspects[name] += same or [suspect]
 
     def _witnesses(
         self, source: Source, table: SourceTable, by_errors: bool, predictor: Optional[Predictor]
@@ -173,10 +181,9 @@ class Witnesses:
         found: List[_Witness] = []
         excluded = {source.service.name, *source.service.wrong_with}
         while len(found) < 2:
-            question = self._ontology, (source,)
+            others = table.excluding(sorted(excluded))
             try:
-                others = table.excluding(sorted(excluded))
-                plan = plan_sources(*question, others, predictor=predictor)
+                plan = plan_sources(self._ontology, (source,), others, predictor=predictor)
                 followed = self._derivations.made(plan)
             except ShsaError:
                 break  # nobody else can tell
@@ -185,7 +192,8 @@ class Witnesses:
                 followed.outputs[0].calibrate()
             spreads = spread(source.provision.error), spread(followed.outputs[0].stated)
             found.append(_Witness(followed, by_errors, _apart(*spreads)))
-            excluded.update(cause for each in plan.inputs for cause in each.service.wrong_with)
+            for read in (each.service for each in plan.inputs):
+                excluded.update((read.name, *read.wrong_with, *read.upstream))
         return found
 
     def look(
@@ -199,23 +207,11 @@ class Witnesses:
 
         `suspicions`: what is held against this life of the node, by property; this is kept up.
         """
-        for suspect in self._suspects[service.name]:
+        for suspect in self.suspects[service.name]:
             name = suspect.source.property
             if name not in suspicions or suspicions[name].suspect is not suspect:
                 suspicions[name] = Suspicion(suspect)
             suspicions[name].look(measured.get(name), time)
-
-
-def _mean(
-    differences: Deque[float], one: Optional[float], other: Optional[float]
-) -> Optional[float]:
-    """Add a difference, and return their mean; None: a value is missing, or there are too few."""
-    if one is None or other is None:
-        differences.clear()
-        return None
-    differences.append(abs(one - other))
-    count = len(differences)
-    return sum(differences) / count if count == differences.maxlen else None
 
 
 def _agree(apart: Optional[float], samples: List[WitnessSample]) -> bool:
@@ -234,11 +230,11 @@ def _doubts(suspect: _Suspect, wrong: List[_Witness], all_differ: bool) -> Dict[
     if not wrong:
         return {}
     source = suspect.source
-    told = [f"by {each.names} {each.derived:g}" for each in wrong]
+    told = [f"by {each.nodes} {each.derived:g}" for each in wrong]
     text = f"{source.property} is {' and '.join(told)}, which {source.node} "
     if all_differ:
         return {source.service.name: f"{text}contradicts: nobody can tell which is wrong"}
-    text += f"and {', '.join(each.names for each in suspect.witnesses if each not in wrong)} "
+    text += f"and {', '.join(each.nodes for each in suspect.witnesses if each not in wrong)} "
     return {
         each.service.name: f"{text}contradict" for one in wrong for each in one.followed.plan.inputs
     }

@@ -4,7 +4,7 @@ A program is evaluated with a message of the service's own node, a few times a s
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite, remainder, tau
+from math import inf, isfinite
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -12,7 +12,7 @@ from shsa_core.codegen.program import Step, compile_program
 from shsa_core.language.memory import longest_gap
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
-from shsa_core.model.field import is_angle
+from shsa_core.model.field import difference, is_angle
 from shsa_core.model.service import Deadlines, Service, Source
 from shsa_core.model.som import Som
 from shsa_core.model.substitution import Program
@@ -74,9 +74,8 @@ class Output:
             return
         apart = None
         if mine is not None and its is not None:
-            angle = is_angle(self.source.provision.field)
-            off = mine[0] - its[0]
-            apart = remainder(off, tau) if angle else off, mine[1] + its[1]
+            off = difference(mine[0], its[0], is_angle(self.source.provision.field))
+            apart = off, mine[1] + its[1]
         self.growth = self.growth or Growth(settings.GUARD_S, settings.SETTLING_S)
         self.growth.look(time, self.calibrator.beyond(self.derived), apart)
 
@@ -152,7 +151,8 @@ class _Heard:
 
     `values`: what its own node told while healthy, by property, with their times. `measured`: all
     of its newest message, with which the plans were evaluated; None: they were not. `sound`:
-    nothing is held against that message. `readers`: the plans that read it.
+    nothing is held against that message. `readers`: the plans that read it. `evaluated`: when, and
+    `compared`: when last while its node was not there.
     """
 
     service: Service
@@ -160,6 +160,7 @@ class _Heard:
     measured: Optional[Mapping[str, float]] = None
     sound: bool = False
     evaluated: float = -inf
+    compared: float = -inf
     readers: Set[FollowedPlan] = field(default_factory=set)
     plans: List[FollowedPlan] = field(default_factory=list)
 
@@ -248,19 +249,24 @@ class Derivations:
         heard = self._services[service.name]
         if good:
             heard.values.update((name, (time, value)) for name, value in values.items())
-        due = not 0.0 <= time - heard.evaluated < settings.SAMPLE_S
-        heard.measured = values if due else None
-        if due:
-            heard.evaluated = time
-        for each in heard.plans:
-            if each.is_followed and (due or each.remembers):
+        due = self._evaluate_all(heard, heard.evaluated, time)
+        heard.measured, heard.evaluated = (values, time) if due else (None, heard.evaluated)
+        return due
+
+    def _evaluate_all(self, heard: _Heard, last: float, time: float) -> bool:
+        """Evaluate what is due since the `last` time; tell if all plans are."""
+        due = not 0.0 <= time - last < settings.SAMPLE_S
+        for each in heard.followed:
+            if due or each.remembers:
                 self._evaluate(each, time)
         return due
 
     def unmeasured(self, service: Service, time: float) -> None:
-        """A substitute speaks for a service: see how far its derivations can be believed."""
-        if self.heard(service, {}, time, False):
-            followed = self._services[service.name].followed
+        """Its node is not there: see how far derivations of a service can be believed."""
+        heard = self._services[service.name]
+        heard.values.clear()  # if it is event-driven they would be fresh for ever
+        if self._evaluate_all(heard, heard.compared, time):
+            heard.compared, followed = time, heard.followed
             for each in followed:
                 for output in () if each.doubtful else each.outputs:
                     output.compare(time, each.opinion(output, followed))

@@ -3,13 +3,14 @@
 A new kind is one more class here, a constant in shsa_msgs/Failure and a word in `kinds`; a test
 holds the three together.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Iterable, Mapping, Optional, Tuple, Type, Union
 
 from shsa_core.language import temporal
 from shsa_core.model import samples
+from shsa_core.model.field import difference
 from shsa_core.model.kinds import Kind
 
 Limit = Union[bool, float]
@@ -98,13 +99,17 @@ class Stuck(Check):
         return f"{seen}, it must change within {self.limit:g} s"
 
 
+@dataclass(frozen=True)
 class Jump(Check):
     kind, sample, default, usual = Kind.JUMP, samples.ValueSample, None, None
     tells = "the value is further than this from the last good one, in the property's unit"
 
+    angle: bool = False  # it is as far as the shorter way round
+
     def judge(self, sample: samples.ValueSample) -> Optional[str]:
         before = sample.last_good
-        if before is None or not self.limit < abs(sample.value - before) < inf:
+        step = 0.0 if before is None else difference(sample.value, before, self.angle)
+        if before is None or not self.limit < abs(step) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
         return f"{seen}, steps of {self.limit:g} are allowed"
@@ -120,7 +125,7 @@ class Witness(Check):
         limit = sample.allowed if self.limit == LEARNED else self.limit
         if limit is None or sample.mean <= limit:
             return None
-        seen = f"{sample.name} is {sample.value:g}, by {', '.join(sample.nodes)} it is"
+        seen = f"{sample.name} is {sample.value:g}, by {sample.nodes} it is"
         return f"{seen} {sample.derived:g}; they differ by {sample.mean:g}, {limit:g} are allowed"
 
 
@@ -257,6 +262,7 @@ def default_checks(
     of_values: bool,
     is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
+    angle: bool = False,
 ) -> Tuple[Check, ...]:
     """Return the checks of a value, or of a message, by default and as `asked`; None: off."""
     limits = [
@@ -264,7 +270,8 @@ def default_checks(
         for name, each in REGISTRY.items()
         if (each.sample in samples.OF_VALUE) is of_values
     ]
-    return tuple(each(limit) for each, limit in limits if limit is not None)
+    checks = (each(limit) for each, limit in limits if limit is not None)
+    return tuple(replace(c, angle=angle) if isinstance(c, Jump) else c for c in checks)
 
 
 def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:

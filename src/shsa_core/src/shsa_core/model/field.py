@@ -7,6 +7,7 @@
 import functools
 import re
 from dataclasses import dataclass
+from math import isfinite, remainder, tau
 from typing import List, Optional, Tuple, Union
 
 from shsa_core.errors import ShsaError
@@ -143,6 +144,12 @@ def reduces(field: str) -> bool:
 def is_angle(field: str) -> bool:
     """Return true if a field is an angle of a quaternion."""
     return parse_field(field).function in ANGLES
+
+
+def difference(one: float, other: float, angle: bool) -> float:
+    """Return `one` less `other`; of an `angle` in rad, the shorter way round."""
+    off = one - other
+    return remainder(off, tau) if angle and isfinite(off) else off
 
 
 def to_path(field: str) -> str:

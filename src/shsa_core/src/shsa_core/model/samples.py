@@ -96,7 +96,7 @@ class WitnessSample:
     value: float
     derived: float
     mean: float
-    nodes: Tuple[str, ...]
+    nodes: str
     allowed: Optional[float] = None
 
 

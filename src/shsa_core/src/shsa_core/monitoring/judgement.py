@@ -41,8 +41,9 @@ class Judgement:
         self._derivations.watch(som)
         self._calibrations.watch(som, knows)
         self._witnesses.watch(som, knows)
-        for publisher in self._board.all():
-            publisher.suspicions.clear()
+        for each in self._board.all():
+            held, compared = each.suspicions, self._witnesses.suspects.get(each.service.name, ())
+            each.suspicions = {name: s for name, s in held.items() if s.suspect in compared}
 
     def tick(self) -> None:
         """Look at what was learned of derivations."""
@@ -93,9 +94,8 @@ class Judgement:
     def _is_good(self, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
         row, alibi = self._board.substitution(publisher), None
-        here = row is not None and event.topic in row.topics
-        written = {each.field for each in row.outputs} if row is not None and here else None
-        publisher.evidence.written = written
+        written = row.outputs if row is not None and event.topic in row.topics else None
+        publisher.evidence.written = None if written is None else {e.field for e in written}
         good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
         if failure is not None:
             alibi = self._alibi(publisher, failure)
@@ -103,7 +103,11 @@ class Judgement:
                 good, failure = True, None
         contradicted = self._compare(publisher, event, good)
         if contradicted is not None and good:
-            good, failure = False, contradicted
+            # Who was found wrong before its inputs failed is not excused by that.
+            excuse = None if publisher.state is FAILED else self._alibi(publisher, contradicted)
+            alibi = alibi or excuse
+            if excuse is None:
+                good, failure = False, contradicted
         intrusion = self._intrusion(publisher)
         if intrusion is not None:
             good, failure = False, intrusion
@@ -120,7 +124,8 @@ class Judgement:
         if message.values is None or not self._derivations.concerns(service):
             return None
         if service.node != publisher.name:
-            self._derivations.unmeasured(service, message.time)
+            if not self._board.is_there(service):
+                self._derivations.unmeasured(service, message.time)
             return None
         named, time = zip(evidence.properties, message.values), message.time
         values = {name: v for name, v in named if v is not None and isfinite(v)}
@@ -128,6 +133,7 @@ class Judgement:
             self._witnesses.look(service, publisher.suspicions, values, time)
         suspicions = publisher.suspicions.values()
         sound = good and publisher.is_healthy and not any(each.doubtful for each in suspicions)
+        sound = sound and not self._is_fed_badly(publisher, Kind.WITNESS)
         self._derivations.judged(service, time, sound)
         return next((each.finding for each in suspicions if each.finding), None)
 
@@ -137,12 +143,11 @@ class Judgement:
         if outside.range is None or service.node != publisher.name:
             return False
         low, high = outside.range
-        beyond = max(low - outside.value, outside.value - high)
-        for derived in self._derivations.derived(service, outside.name, self._board.now):
-            same_side = derived < low if outside.value < low else derived > high
-            if same_side and 0.5 * beyond <= max(low - derived, derived - high) <= 2.0 * beyond:
-                return True
-        return False
+        told = self._derivations.derived(service, outside.name, self._board.now)
+        below = outside.value < low
+        beyond = low - outside.value if below else outside.value - high
+        far = (low - each if below else each - high for each in told)
+        return any(0.5 * beyond <= each <= 2.0 * beyond for each in far)
 
     def _note(self, publisher: Publisher, alibi: Optional[Alibi]) -> None:
         """Tell why a publisher is not blamed, or what is doubtful or unusual of its values."""
@@ -171,7 +176,7 @@ class Judgement:
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:
         """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""
-        if publisher.name not in publisher.topic.nodes:
+        if not publisher.service.upstream or publisher.name not in publisher.topic.nodes:
             return False
         services, topics = self._som.services, self._board.topics
         read = {services[each].topic for each in publisher.service.upstream if each in services}

@@ -88,8 +88,12 @@ class Inputs:
         for happening in self._subscriptions.read():
             if isinstance(happening, Arrived):
                 events += self._arrived(happening)
-            elif isinstance(happening, Disconnected) and happening.topic in self._overheard:
-                events.append(OtherGone(happening.time, happening.topic, happening.publisher))
+            elif isinstance(happening, Disconnected):
+                gone = happening.topic, happening.publisher
+                if happening.topic not in self._read:
+                    self._newest.pop(gone, None)
+                if happening.topic in self._overheard:
+                    events.append(OtherGone(happening.time, *gone))
         if reads or not all(isinstance(event, OtherHeard) for event in events):
             for key in [key for key in self._newest if key[0] in self._read]:
                 events += self._input(*self._newest.pop(key))
