@@ -13,7 +13,7 @@ LINES = {"": 28670, "healing": 4471, "monitoring": 2474, "ros": 8407}
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
 FILES = {"healing": 19}
-GATE_LINES = 520
+GATE_LINES = 525
 """The same of the package of the gate."""
 CONSTANTS = 46
 """Constants of time in the cores and shells; 50 are wanted."""
