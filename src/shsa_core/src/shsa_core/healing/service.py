@@ -334,6 +334,8 @@ class ServiceMachine:
     def replan(self) -> List[Command]:
         """Plan and decide anew: another plan may be best, or the node cost something else."""
         state = self.state
+        if Trigger.REPLAN in self.timers:
+            return []  # the monitors have a moment to tell first
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
         waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)

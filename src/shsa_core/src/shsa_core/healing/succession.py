@@ -14,6 +14,7 @@ from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
 from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
+from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Policy
 from shsa_core.model.log import Level
@@ -149,8 +150,8 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         service.last_message = row.last_message
         if plan is not None:
             substitute.take_up(row, plan, robot.time if incident is None else incident.detected)
-    _set_timer(service)
     if row is None or (plan is not None and runs):
+        _set_timer(service)
         return commands
     why = "its process died"
     if plan is None:
@@ -158,18 +159,27 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         substitute.node, substitute.shared = row.node, row.shared
     text = f"{spec.topic}: the substitute that was left behind is of no use: {why}."
     commands += [*substitute.failed(False), Log(Level.WARN, text)]
-    return commands + service.fire(Trigger.SUBSTITUTE_FAILED)
+    if service.state is State.HEALED:
+        commands += service.step(state=State.HEALING, first_message=None, last_good=robot.time)
+    _set_timer(service)
+    waits = Trigger.REPLAN in service.timers
+    return commands if waits else commands + service.fire(Trigger.SUBSTITUTE_FAILED)
 
 
 def _set_timer(service: ServiceMachine) -> None:
-    """See to it that something happens in every state, also if nothing is ever heard again."""
+    """See to it that something happens in every state, also if nothing is ever heard again.
+
+    Nobody is judged, and nothing is searched, before the monitors had a moment to tell.
+    """
     state, now = service.state, service.robot.time
-    if state is State.HEALING:
-        service.timers[Trigger.LATE if service.node else Trigger.REPLAN] = now + START_S
+    if state is State.HEALING and service.node:
+        service.timers[Trigger.LATE] = now + START_S
     elif state is State.RETURNING:
         hold_off = service.nodes.hold_off(service.incident.faulty_node)
         service.timers[Trigger.STEADY] = now + max(START_S, hold_off)
-    elif state in WAITING:
+    elif state not in (State.WELL, State.HEALED):
+        service.timers[Trigger.REPLAN] = now + ANSWER_S
+    if state in WAITING:
         service.timers[Trigger.RETRY] = now + START_S
 
 
