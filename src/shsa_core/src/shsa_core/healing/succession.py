@@ -31,7 +31,8 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        core.processes.hold_starts(event.time + START_S)
+        held_until = core.processes.starts.held_until  # in maintenance without an end
+        core.processes.hold_starts(max(held_until, event.time + START_S))
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
