@@ -208,3 +208,38 @@ def test_one_that_still_runs_is_not_called_kept_out() -> None:
     robot.handle(events.NodeFound(22.0, A, events.Where.ANOTHER, "it closed its address"))
     assert not any("kept out" in e.text for e in robot.said if isinstance(e, events.Log))
     assert last_incident(robot.back(23.0)).state is State.RETURNING
+
+
+def refused(switches: int = 1) -> Robot:
+    """The node of /a is kept out, has come up, and its process is searched for."""
+    robot = Robot(switches=switches)
+    robot.heal(10.0)
+    flap(robot, 20.0)
+    assert only(robot.back(30.0), events.FindNode).node == A
+    return robot
+
+
+def test_a_node_that_is_released_while_its_process_is_searched_for_is_spared() -> None:
+    robot = refused()
+    robot.handle(events.Released(30.01, "a"))
+    commands = robot.handle(events.NodeFound(30.02, A, events.Where.HERE))
+    assert not has(commands, events.EndProcess) and not has(commands, events.AskToLeave)
+    assert last_incident(commands).state is State.RETURNING
+    assert not has(robot.handle(events.Tick(32.05)), events.FindNode)
+
+
+def test_a_node_is_spared_that_nothing_replaces_any_more_while_it_is_searched_for() -> None:
+    robot = refused()
+    for node in ("b", "c"):
+        robot.row(f"/{node}", f"/{node}_node", "failed", 30.005)
+    assert last_incident(robot.table(30.01)).state is State.UNHEALED
+    commands = robot.handle(events.NodeFound(30.02, A, events.Where.HERE))
+    assert not has(commands, events.EndProcess)
+    assert last_incident(commands).state is State.RETURNING
+
+
+def test_the_process_of_a_released_node_that_is_being_ended_is_ended() -> None:
+    robot = refused()
+    assert has(robot.handle(events.NodeFound(30.01, A, events.Where.HERE)), events.EndProcess)
+    robot.handle(events.Released(30.02, "a"))
+    assert last_incident(robot.handle(events.NodeLeft(30.03, A))).killed == 30.03

@@ -170,6 +170,12 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
+    def let_in(self, node: str) -> None:
+        """Spare a node that was to be ended as it came up, if that has not begun."""
+        kill = self._kills.get(node)
+        if kill is not None and kill.order.at_once and kill.where is None:
+            kill.order = replace(kill.order, if_dead=True)
+
     def handle(self, event: KillEvent) -> List[Said]:
         """Go on with a kill."""
         kill, time, node = self._kills.get(event.node), event.time, event.node

@@ -259,10 +259,12 @@ class Nodes:
         if kill.outcome is Outcome.UNREACHED and not host:
             kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
-            for each in accusations:
+            blamed = [each for each in accusations if each.fate is not Fate.NONE]
+            for each in blamed:
                 each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            self.kills.wait(node)  # it may end by itself
+            if blamed:  # not let in after all
+                self.kills.wait(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
@@ -424,6 +426,8 @@ class Nodes:
     def forgive(self, node: str) -> None:
         """Forget the relapses of a node."""
         case = self._cases[node]
+        if case.refusals:
+            self.kills.let_in(node)
         case.refusals = 0
         none = replace(case.trust, relapses=0, doubtful=0, soon=False, returned=None)
         self._trust(node, case, none)

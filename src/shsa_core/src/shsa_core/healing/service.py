@@ -214,7 +214,7 @@ class ServiceMachine:
             if self.accusation.back:
                 return self.step()
             judged = self.judge(self.accusation, self.substitute.plan)
-            return [*judged, *self.step(), *self.replan()]
+            return [*judged, *self.step(), *self.changed(), *self.replan()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
         commands: List[Command] = [said, *self.step(detail=said.text)]
