@@ -221,7 +221,9 @@ class ServiceMachine:
         return commands + self.replan() + self.changed() if over else commands
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
-        """Try to start the faulty node again, if it may be."""
+        """Try to start the faulty node again, if it may be, and is not back by other means."""
+        if self._speaks_again():
+            return []  # the word is late, or somebody else has started it
         self.start_node()
         text = f"{event.node} cannot be started again: {event.detail}."
         return [self.log(text, Level.ERROR), *self.replan()]
