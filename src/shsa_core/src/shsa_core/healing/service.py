@@ -261,8 +261,8 @@ class ServiceMachine:
         node, nodes, robot = self.incident.faulty_node, self.nodes, self.robot
         if not self.refuses or self.accusation.kept or node in robot.health.dying:
             return []
-        others = (each for each in nodes.accusers(node) if each != self.spec.name)
-        if any(each in robot.indexes.stuck for each in others):
+        others = {*nodes.accusers(node)} - {self.spec.name}
+        if others.intersection(robot.indexes.stuck + robot.indexes.kept):
             return []  # it may bring a service that nothing else gives
         if not nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
             return []
