@@ -41,3 +41,45 @@ def test_nor_is_it_started_twice_as_it_comes_up() -> None:
     assert robot.handle(events.RestartFailed(11.5, A, "the agent was not heard")) == []
     assert starts(robot, 12.6, 15.0, 20.0) == 0
     assert has(robot.handle(events.Tick(20.7)), events.FindNode), "it did not come back in time"
+
+
+def test_a_node_beside_another_publisher_is_not_ended_to_be_started_again() -> None:
+    robot = Robot(RESTARTED)
+    robot.handle(events.GraphSeen(2.0, (), ((A, ("takes /cmd_vel",)),)))
+    robot.connects(4.0, "/a", "/other")
+    robot.row("/a", "/other", "healthy", 5.0)
+    robot.table(5.0)
+    commands = robot.fail("/a", A, 10.0, "out_of_range")
+    assert not has(commands, events.FindNode), "nothing would start it again"
+
+
+def test_a_node_is_started_again_though_another_one_publishes_by_then() -> None:
+    robot = Robot(RESTARTED)
+    died(robot, 10.0)
+    robot.row("/a", "/other", "healthy", 10.2)
+    robot.table(10.21)
+    assert starts(robot, 10.6) == 1
+    robot.back(11.0)
+    assert starts(robot, 11.5, 12.1, 13.0) == 0
+    assert robot.core.incident("a") is None
+
+
+def test_what_is_started_beside_another_publisher_is_not_ended_as_late() -> None:
+    robot = Robot(RESTARTED, hold_off=30.0)
+    died(robot, 10.0)
+    robot.row("/a", "/other", "healthy", 10.2)
+    robot.table(10.21)
+    assert starts(robot, 10.6) == 1
+    robot.back(11.0)
+    assert not has(robot.handle(events.Tick(25.0)), events.FindNode)
+
+
+def test_what_stays_silent_beside_another_publisher_is_started_again_once_ended() -> None:
+    robot = Robot(RESTARTED, hold_off=30.0)
+    robot.row("/a", A, "failed", 10.0)
+    robot.failure("/a", A, 10.0, "silent", "no message", 9.9)
+    robot.row("/a", "/other", "healthy", 10.2)
+    robot.table(10.21)
+    assert has(robot.handle(events.Tick(12.1)), events.FindNode)
+    robot.killed(12.2, A)
+    assert starts(robot, 13.0) == 1

@@ -19,7 +19,7 @@ from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
 from shsa_core.model.health import PublisherHealth, PublisherState
-from shsa_core.model.kinds import Kind, OnPartition
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
@@ -164,17 +164,25 @@ class ServiceMachine:
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
-                commands = self.nodes.judge(self.spec, accusation, True, False)
+                commands = self.judge(accusation, replaced=True)
                 self.nodes.acquit(self.spec, node)
                 text = f"{node} failed ({event.detail}); {others[0]} carries on."
                 return [*commands, self.log(text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
         return commands + self._notice_first_message()  # by a bridge, heard before the failure
 
-    def judge(self, accusation: Accusation, plan: Optional[Plan]) -> List[Command]:
-        """Have it decided what becomes of a node whose place a plan takes."""
-        replaced = plan is not None and plan.computes and not plan.left_out
-        return self.nodes.judge(self.spec, accusation, replaced, self.state is State.HEALED)
+    def judge(
+        self, accusation: Accusation, plan: Optional[Plan] = None, replaced: bool = False
+    ) -> List[Command]:
+        """Have it decided what becomes of a node whose place a plan takes, or another node.
+
+        Only one that the incident blames is started again.
+        """
+        spec = self.spec
+        if spec.policy.restarts and accusation is not self.accusation:
+            spec = replace(spec, policy=Policy.SUBSTITUTE)
+        replaced = replaced or (plan is not None and plan.computes and not plan.left_out)
+        return self.nodes.judge(spec, accusation, replaced, self.state is State.HEALED)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -231,7 +239,7 @@ class ServiceMachine:
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         kept_out = self.nodes.kept_out(event.node)
-        if self.state is not State.RETURNING and not kept_out:
+        if not (self.accusation.back or kept_out):
             self.start_node()
         commands: List[Command] = []
         count, text = self.nodes.refusals(event.node), ""
@@ -327,6 +335,8 @@ class ServiceMachine:
         refused = self.came_up() if self._speaks_again() else []
         back = not refused and self.returned() is not None
         commands += self.fire(Trigger.RETURNED) if back else refused
+        if self.state is State.RETURNING:
+            self.note_return()
         plan = self.substitute.plan
         if self.state in SUBSTITUTED and plan is not None and not self.robot.planner.usable(plan):
             commands.append(self.log("the substitute lost an input."))
@@ -389,6 +399,13 @@ class ServiceMachine:
             return None
         failed_at = incident.detected if incident.killed is None else incident.killed
         return next((row for row in self.originals if row.is_well and row.since > failed_at), None)
+
+    def note_return(self) -> None:
+        """Note that the faulty node itself is back: whoever else publishes may do so sooner."""
+        row = self.robot.health.row((self.spec.topic, self.incident.faulty_node))
+        since = self.incident.detected if self.incident.killed is None else self.incident.killed
+        if row is not None and row.is_well and row.since > since and not self.accusation.back:
+            self.nodes.returned(self.spec.name, row.publisher, row.since)
 
     # What is shown, and written down.
 
