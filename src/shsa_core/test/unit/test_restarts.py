@@ -1,5 +1,7 @@
 """A node is started again if it was ended for that, once, and while it is not there."""
+import hosts_robot
 from core_robot import SOM, A, Robot, changed, has
+from hosts_robot import BOARD, PI, WAIT, lost, steady
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -83,3 +85,30 @@ def test_what_stays_silent_beside_another_publisher_is_started_again_once_ended(
     assert has(robot.handle(events.Tick(12.1)), events.FindNode)
     robot.killed(12.2, A)
     assert starts(robot, 13.0) == 1
+
+
+def test_a_node_is_started_again_that_its_policy_did_not_start_when_it_was_killed() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    robot.handle(events.SomChanged(12.0, RESTARTED))
+    assert starts(robot, 12.6) == 1
+
+
+def test_a_start_that_was_called_off_by_another_policy_is_due_again() -> None:
+    robot = Robot(RESTARTED)
+    died(robot, 10.0)
+    robot.handle(events.SomChanged(10.2, SOM))
+    assert starts(robot, 10.6, 11.0) == 0
+    robot.handle(events.SomChanged(11.0, RESTARTED))
+    assert starts(robot, 11.9, 12.5) == 1
+
+
+def test_a_start_that_was_due_as_its_computer_was_lost_is_made_up_for() -> None:
+    waits = hosts_robot.som(policy=Policy.RESTART_AND_SUBSTITUTE, on_partition=WAIT)
+    robot = Robot(waits)
+    steady(robot, 1.0, 10.0, PI, BOARD)
+    died(robot, 10.0)
+    lost(robot, 10.3, PI)
+    assert starts(robot, 10.6) == 0
+    steady(robot, 10.7, 20.0, PI, BOARD)
+    assert [each for each in robot.said if isinstance(each, events.RestartNode)]

@@ -261,6 +261,13 @@ class ServiceMachine:
         if self.spec.policy.restarts and node == self.spec.node:
             self.nodes.start_again(node)
 
+    def start_anew(self) -> None:
+        """Have a node started again that was killed under another policy than it has now."""
+        node, nodes = self.incident.faulty_node, self.nodes
+        exhausted = nodes.trust_in(node).exhausted
+        if not (exhausted or nodes.awaited(node) or nodes.kept_out(node)):
+            self.start_node()
+
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
 
@@ -348,6 +355,8 @@ class ServiceMachine:
         state = self.state
         if Trigger.REPLAN in self.timers:
             return []  # the monitors have a moment to tell first
+        if self.incident.killed is not None and not (self.accusation.back or self._speaks_again()):
+            self.start_anew()
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
         waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)
