@@ -1,5 +1,6 @@
 """A node is started again if it was ended for that, once, and while it is not there."""
 import hosts_robot
+import pytest
 from core_robot import SOM, A, Robot, changed, has
 from hosts_robot import BOARD, PI, WAIT, lost, steady
 
@@ -112,3 +113,16 @@ def test_a_start_that_was_due_as_its_computer_was_lost_is_made_up_for() -> None:
     assert starts(robot, 10.6) == 0
     steady(robot, 10.7, 20.0, PI, BOARD)
     assert [each for each in robot.said if isinstance(each, events.RestartNode)]
+
+
+@pytest.mark.parametrize("policy", [Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE])
+def test_a_node_that_is_released_is_started_again_as_often_as_before(policy: Policy) -> None:
+    robot = Robot(changed(SOM, "a", policy=policy), node_restarts=1)
+    died(robot, 10.0)
+    assert starts(robot, 10.6) == 1
+    robot.handle(events.RestartFailed(10.7, A, "no such file"))
+    assert starts(robot, 12.0, 40.0) == 0
+    robot.handle(events.Released(50.0, "a"))
+    assert starts(robot, 50.6) == 1
+    robot.handle(events.RestartFailed(50.7, A, "no such file"))
+    assert starts(robot, 52.0, 90.0) == 0

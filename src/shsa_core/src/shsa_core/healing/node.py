@@ -423,6 +423,12 @@ class Nodes:
         text = f"{topics}: {node} did not come back in time."
         return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
 
+    def release(self, node: str) -> None:
+        """Trust a node as if it had never failed."""
+        case = self._cases[node]
+        self._trust(node, case, replace(case.trust, restarts=0, exhausted=False))
+        self.forgive(node)
+
     def forgive(self, node: str) -> None:
         """Forget the relapses of a node."""
         case = self._cases[node]

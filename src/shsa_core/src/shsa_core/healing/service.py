@@ -287,8 +287,8 @@ class ServiceMachine:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
-        self.nodes.forgive(self.incident.faulty_node)
-        return self.fire(Trigger.REPLAN) if self.state in WAITING else self.step()
+        self.nodes.release(self.incident.faulty_node)
+        return [*self.step(), *self.replan()]
 
     # The substitute's process.
 
