@@ -126,3 +126,21 @@ def test_a_node_that_is_released_is_started_again_as_often_as_before(policy: Pol
     assert starts(robot, 50.6) == 1
     robot.handle(events.RestartFailed(50.7, A, "no such file"))
     assert starts(robot, 52.0, 90.0) == 0
+
+
+@pytest.mark.parametrize("policy", [Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE])
+def test_what_ends_with_its_launch_is_not_started_again(policy: Policy) -> None:
+    robot = Robot(changed(SOM, "a", policy=policy))
+    died(robot, 10.0)
+    assert starts(robot, 10.6) == 1
+    robot.handle(events.NodeRestarted(10.7, A))
+    robot.back(12.0)
+    robot.handle(events.Tick(15.0))
+    assert has(robot.handle(events.StarterEnded(100.0, A)), events.StopNode)
+    died(robot, 100.1)
+    assert starts(robot, 101.0, 150.0) == 0
+    robot.back(200.0)  # in another launch
+    robot.handle(events.NodeLearned(200.1, A, True, starts=True))
+    robot.handle(events.Tick(205.0))
+    died(robot, 300.0)
+    assert starts(robot, 300.6) == 1

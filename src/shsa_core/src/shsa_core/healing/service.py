@@ -258,7 +258,8 @@ class ServiceMachine:
     def start_node(self) -> None:
         """Have the faulty node started again, if that is its policy."""
         node = self.incident.faulty_node
-        if self.spec.policy.restarts and node == self.spec.node:
+        ends = node in self.robot.abandoned
+        if self.spec.policy.restarts and node == self.spec.node and not ends:
             self.nodes.start_again(node)
 
     def start_anew(self) -> None:
