@@ -77,17 +77,6 @@ def test_what_is_started_beside_another_publisher_is_not_ended_as_late() -> None
     assert not has(robot.handle(events.Tick(25.0)), events.FindNode)
 
 
-def test_what_stays_silent_beside_another_publisher_is_started_again_once_ended() -> None:
-    robot = Robot(RESTARTED, hold_off=30.0)
-    robot.row("/a", A, "failed", 10.0)
-    robot.failure("/a", A, 10.0, "silent", "no message", 9.9)
-    robot.row("/a", "/other", "healthy", 10.2)
-    robot.table(10.21)
-    assert has(robot.handle(events.Tick(12.1)), events.FindNode)
-    robot.killed(12.2, A)
-    assert starts(robot, 13.0) == 1
-
-
 def test_a_node_is_started_again_that_its_policy_did_not_start_when_it_was_killed() -> None:
     robot = Robot()
     robot.heal(10.0)
@@ -144,3 +133,17 @@ def test_what_ends_with_its_launch_is_not_started_again(policy: Policy) -> None:
     robot.handle(events.Tick(205.0))
     died(robot, 300.0)
     assert starts(robot, 300.6) == 1
+
+
+def test_nothing_is_started_beside_what_is_still_being_ended() -> None:
+    robot = Robot(RESTARTED)
+    robot.handle(events.GraphSeen(2.0, (), ((A, ("takes /cmd_vel",)),)))
+    robot.row("/a", "/other", "healthy", 9.0)
+    robot.connects(9.0, "/a", A)
+    robot.fail("/a", "/other", 10.0)
+    robot.killed(10.1, "/other")
+    assert has(robot.fail("/a", A, 11.0, "out_of_range"), events.FindNode)
+    robot.handle(events.SomChanged(11.1, changed(RESTARTED, "a", prefer=("/b",))))
+    assert starts(robot, 11.7, 12.0) == 0
+    robot.killed(12.5, A)
+    assert starts(robot, 13.1) == 1

@@ -95,12 +95,8 @@ class Nodes:
     @property
     def deadline(self) -> float:
         """Return when `tick` has something to do, in s; infinite: nothing is due."""
-        agendas = (
-            self.kills.agenda,
-            self.kills.again,
-            self._returns,
-            self._robot.identities.agenda,
-        )
+        kills, identities = self.kills, self._robot.identities
+        agendas = kills.agenda, kills.again, self._returns, identities.agenda
         return min(agenda.next() for agenda in agendas)
 
     def accusers(self, node: str) -> List[str]:
@@ -115,8 +111,7 @@ class Nodes:
         accusations = self._cases.setdefault(node, Case()).accusations
         found = accusations.setdefault(service.name, Accusation(node, kind))
         found.kind, found.fate, found.excuse, found.back = kind, Fate.OPEN, "", False
-        found.spared = False
-        found.gated = service.gated
+        found.spared, found.gated = False, service.gated
         return found
 
     def acquit(self, service: Service, node: str, well_at: Optional[float] = None) -> None:
@@ -194,7 +189,8 @@ class Nodes:
 
     def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill."""
-        return self._outcomes(self.kills.handle(event))
+        case = self._cases.get(event.node)
+        return self._outcomes(self.kills.handle(event, case is not None and case.refusals > 0))
 
     def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
@@ -381,8 +377,8 @@ class Nodes:
         if gone and self._cases[node].trust.soon:
             self.forgive(node)
 
-    def returned(self, service: str, node: str, since: float) -> None:
-        """A node publishes a service again, `since` a moment."""
+    def returned(self, service: str, node: str, since: float, by: str) -> None:
+        """A service is published again, `since` a moment: `by` its node itself, or another."""
         case = self._cases[node]
         case.failing = False
         if service in case.accusations:
@@ -392,7 +388,8 @@ class Nodes:
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             due = self._robot.time + self._settings.restart_timeout
             awaited = trust.awaited_by or due
-        self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
+        start = None if by == node else trust.start_at
+        self._trust(node, case, replace(trust, returned=since, start_at=start, awaited_by=awaited))
 
     def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
@@ -412,7 +409,8 @@ class Nodes:
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
         patience = doubled(self._settings.restart_timeout, case.trust.restarts - 1)
-        due = self._robot.time + patience if starts and own else None
+        awaited = starts and own and not all(each.back for each in case.accusations.values())
+        due = self._robot.time + patience if awaited else None
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
@@ -423,19 +421,12 @@ class Nodes:
         text = f"{topics}: {node} did not come back in time."
         return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
 
-    def release(self, node: str) -> None:
-        """Trust a node as if it had never failed."""
+    def forgive(self, node: str, wholly: bool = False) -> None:
+        """Forget the relapses of a node; `wholly`: how often it was started again, too."""
         case = self._cases[node]
-        self._trust(node, case, replace(case.trust, restarts=0, exhausted=False))
-        self.forgive(node)
-
-    def forgive(self, node: str) -> None:
-        """Forget the relapses of a node."""
-        case = self._cases[node]
-        if case.refusals:
-            self.kills.let_in(node)
         case.refusals = 0
-        none = replace(case.trust, relapses=0, doubtful=0, soon=False, returned=None)
+        trust = replace(case.trust, restarts=0, exhausted=False) if wholly else case.trust
+        none = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
         self._trust(node, case, none)
 
     def refuse(self, node: str, topic: str) -> List[Command]:

@@ -226,9 +226,9 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
     incident, robot = service.incident, service.robot
     service.timers.pop(Trigger.LATE, None)
     node, killed = incident.faulty_node, incident.killed is not None
-    if killed:
-        service.start_anew()
-    trust, awaited = service.nodes.trust_in(node), service.nodes.awaited(node)
+    service.start_node(anew=True)
+    trust, kills = service.nodes.trust_in(node), service.nodes.kills
+    awaited = service.nodes.awaited(node) or kills.under_way(node)
     if trust.exhausted or (killed and not awaited):  # how a stranger was started is not known
         text = f"{node} was started again {trust.restarts} times in vain"
         return give_up(service, ShsaError(text))

@@ -174,12 +174,9 @@ class ServiceMachine:
     def judge(
         self, accusation: Accusation, plan: Optional[Plan] = None, replaced: bool = False
     ) -> List[Command]:
-        """Have it decided what becomes of a node whose place a plan takes, or another node.
-
-        Only one that the incident blames is started again.
-        """
+        """Have it decided what becomes of a node whose place a plan takes, or another node."""
         spec = self.spec
-        if spec.policy.restarts and accusation is not self.accusation:
+        if spec.policy.restarts and accusation is not self.accusation:  # nobody would start it
             spec = replace(spec, policy=Policy.SUBSTITUTE)
         replaced = replaced or (plan is not None and plan.computes and not plan.left_out)
         return self.nodes.judge(spec, accusation, replaced, self.state is State.HEALED)
@@ -219,9 +216,8 @@ class ServiceMachine:
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED:  # it may be killed for its silence
-            if self.accusation.back:
-                return self.step()
-            judged = self.judge(self.accusation, self.substitute.plan)
+            back, plan = self.accusation.back, self.substitute.plan
+            judged = [] if back else self.judge(self.accusation, plan)
             return [*judged, *self.step(), *self.changed(), *self.replan()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
@@ -239,7 +235,7 @@ class ServiceMachine:
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         kept_out = self.nodes.kept_out(event.node)
-        if not (self.accusation.back or kept_out):
+        if self.state is not State.RETURNING and not kept_out:
             self.start_node()
         commands: List[Command] = []
         count, text = self.nodes.refusals(event.node), ""
@@ -255,19 +251,15 @@ class ServiceMachine:
             commands = [said, *self.step(detail=f"{text}.")]
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
-    def start_node(self) -> None:
-        """Have the faulty node started again, if that is its policy."""
-        node = self.incident.faulty_node
-        ends = node in self.robot.abandoned
-        if self.spec.policy.restarts and node == self.spec.node and not ends:
-            self.nodes.start_again(node)
-
-    def start_anew(self) -> None:
-        """Have a node started again that was killed under another policy than it has now."""
+    def start_node(self, anew: bool = False) -> None:
+        """Start the faulty node again, if that is its policy; `anew`: unless it is due, or vain."""
         node, nodes = self.incident.faulty_node, self.nodes
-        exhausted = nodes.trust_in(node).exhausted
-        if not (exhausted or nodes.awaited(node) or nodes.kept_out(node)):
-            self.start_node()
+        busy = self.accusation.kept or nodes.awaited(node) or nodes.kills.under_way(node)
+        if anew and (self.incident.killed is None or busy or nodes.kept_out(node)):
+            return
+        vain = node in self.robot.abandoned or (anew and nodes.trust_in(node).exhausted)
+        if self.spec.policy.restarts and node == self.spec.node and not vain:
+            nodes.start_again(node)
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
@@ -280,15 +272,14 @@ class ServiceMachine:
         others = {*nodes.accusers(node)} - {self.spec.name}
         if others.intersection(robot.indexes.stuck + robot.indexes.kept):
             return []  # it may bring a service that nothing else gives
-        if not nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
-            return []
-        return nodes.refuse(node, self.spec.topic)
+        verdict = nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole)
+        return nodes.refuse(node, self.spec.topic) if verdict.kill else []
 
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
-        self.nodes.release(self.incident.faulty_node)
+        self.nodes.forgive(self.incident.faulty_node, wholly=True)
         return [*self.step(), *self.replan()]
 
     # The substitute's process.
@@ -343,8 +334,6 @@ class ServiceMachine:
         refused = self.came_up() if self._speaks_again() else []
         back = not refused and self.returned() is not None
         commands += self.fire(Trigger.RETURNED) if back else refused
-        if self.state is State.RETURNING:
-            self.note_return()
         plan = self.substitute.plan
         if self.state in SUBSTITUTED and plan is not None and not self.robot.planner.usable(plan):
             commands.append(self.log("the substitute lost an input."))
@@ -356,8 +345,8 @@ class ServiceMachine:
         state = self.state
         if Trigger.REPLAN in self.timers:
             return []  # the monitors have a moment to tell first
-        if self.incident.killed is not None and not (self.accusation.back or self._speaks_again()):
-            self.start_anew()
+        if not (self.accusation.back or self._speaks_again()):
+            self.start_node(anew=True)
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
         waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)
@@ -409,13 +398,6 @@ class ServiceMachine:
             return None
         failed_at = incident.detected if incident.killed is None else incident.killed
         return next((row for row in self.originals if row.is_well and row.since > failed_at), None)
-
-    def note_return(self) -> None:
-        """Note that the faulty node itself is back: whoever else publishes may do so sooner."""
-        row = self.robot.health.row((self.spec.topic, self.incident.faulty_node))
-        since = self.incident.detected if self.incident.killed is None else self.incident.killed
-        if row is not None and row.is_well and row.since > since and not self.accusation.back:
-            self.nodes.returned(self.spec.name, row.publisher, row.since)
 
     # What is shown, and written down.
 

@@ -31,8 +31,7 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        held_until = core.processes.starts.held_until  # in maintenance without an end
-        core.processes.hold_starts(max(held_until, event.time + START_S))
+        core.processes.hold_starts(max(core.processes.starts.held_until, event.time + START_S))
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
@@ -163,15 +162,12 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
     if service.state is State.HEALED:
         commands += service.step(state=State.HEALING, first_message=None, last_good=robot.time)
     _set_timer(service)
-    waits = Trigger.REPLAN in service.timers
-    return commands if waits else commands + service.fire(Trigger.SUBSTITUTE_FAILED)
+    fired = [] if Trigger.REPLAN in service.timers else service.fire(Trigger.SUBSTITUTE_FAILED)
+    return commands + fired
 
 
 def _set_timer(service: ServiceMachine) -> None:
-    """See to it that something happens in every state, also if nothing is ever heard again.
-
-    Nobody is judged, and nothing is searched, before the monitors had a moment to tell.
-    """
+    """See to it that something happens in every state, once the monitors had a moment to tell."""
     state, now = service.state, service.robot.time
     if state is State.HEALING and service.node:
         service.timers[Trigger.LATE] = now + START_S
