@@ -176,6 +176,27 @@ def test_the_next_reconfigurator_kills_and_starts_nothing_either() -> None:
     assert only(asked, events.AskMonitor).host == ""  # though it has told of nobody yet
 
 
+def test_nor_if_the_substitute_has_died() -> None:
+    former = Robot()
+    substitute = only(former.fail("/a", A, 10.0, "out_of_range"), events.StartSubstitute).node
+    next_ = Reconfigurator(ONTOLOGY, SOM)
+    next_.handle(events.MaintenanceSet(20.0, True))
+    commands = next_.handle(events.Started(20.1, (), (), tuple(former.written.values())))
+    assert acting(commands) == (events.StopNode(substitute),)  # to make sure
+    next_.handle(events.MaintenanceSet(40.0, False))
+    assert has(next_.handle(events.Tick(40.0 + ANSWER_S)), events.StartSubstitute)
+
+
+def test_nor_does_a_process_stand_by_once_the_first_is_prepared() -> None:
+    first, *others = SOM
+    next_ = Reconfigurator(ONTOLOGY, Som([replace(first, standby=Standby.WARM), *others]))
+    next_.handle(events.MaintenanceSet(20.0, True))
+    commands = next_.handle(events.Started(20.1, preparing=True))
+    for time in range(21, 60):  # the file is looked at each second
+        commands += next_.handle(events.MaintenanceSet(float(time), True))
+    assert not acting(commands)
+
+
 def test_shutting_down_ends_what_is_ours() -> None:
     robot = Robot()
     substitute = robot.heal(10.0)

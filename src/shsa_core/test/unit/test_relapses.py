@@ -7,8 +7,11 @@ import pytest
 from core_robot import (
     A,
     ONTOLOGY,
+    SHARED,
     SOM,
+    WITH_D,
     Robot,
+    changed,
     function,
     has,
     last_incident,
@@ -18,6 +21,7 @@ from core_robot import (
 )
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
+from shsa_core.model.kinds import Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 
@@ -208,3 +212,58 @@ def test_one_that_still_runs_is_not_called_kept_out() -> None:
     robot.handle(events.NodeFound(22.0, A, events.Where.ANOTHER, "it closed its address"))
     assert not any("kept out" in e.text for e in robot.said if isinstance(e, events.Log))
     assert last_incident(robot.back(23.0)).state is State.RETURNING
+
+
+def test_a_node_that_alone_gives_another_topic_is_let_in() -> None:
+    som = changed(Som([*SHARED, SOM.services["c"]]), "d", policy=Policy.ADVISE)
+    robot = Robot(som, WITH_D, switches=1)
+
+    def dies(time: float) -> None:
+        for topic in ("/a", "/d"):
+            robot.row(topic, A, "failed", time)
+            robot.failure(topic, A, time, "node_gone", "died", time - 0.02)
+        robot.killed(time + 0.01, A)
+
+    dies(10.0)
+    robot.heard(robot.working()[0].node, 10.5)
+    robot.row("/d", A, "healthy", 20.0)
+    robot.back(20.0)
+    dies(21.0)
+    incident = robot.core.incident("a")
+    assert incident is not None and incident.kept_out
+    assert not has(robot.handle(events.NodeCameUp(30.0, A)), events.FindNode)
+
+
+def refused(switches: int = 1) -> Robot:
+    """The node of /a is kept out, has come up, and its process is searched for."""
+    robot = Robot(switches=switches)
+    robot.heal(10.0)
+    flap(robot, 20.0)
+    assert only(robot.back(30.0), events.FindNode).node == A
+    return robot
+
+
+def test_a_node_that_is_released_while_its_process_is_searched_for_is_spared() -> None:
+    robot = refused()
+    robot.handle(events.Released(30.01, "a"))
+    commands = robot.handle(events.NodeFound(30.02, A, events.Where.HERE))
+    assert not has(commands, events.EndProcess) and not has(commands, events.AskToLeave)
+    assert last_incident(commands).state is State.RETURNING
+    assert not has(robot.handle(events.Tick(32.05)), events.FindNode)
+
+
+def test_a_node_is_spared_that_nothing_replaces_any_more_while_it_is_searched_for() -> None:
+    robot = refused()
+    for node in ("b", "c"):
+        robot.row(f"/{node}", f"/{node}_node", "failed", 30.005)
+    assert last_incident(robot.table(30.01)).state is State.UNHEALED
+    commands = robot.handle(events.NodeFound(30.02, A, events.Where.HERE))
+    assert not has(commands, events.EndProcess)
+    assert last_incident(commands).state is State.RETURNING
+
+
+def test_the_process_of_a_released_node_that_is_being_ended_is_ended() -> None:
+    robot = refused()
+    assert has(robot.handle(events.NodeFound(30.01, A, events.Where.HERE)), events.EndProcess)
+    robot.handle(events.Released(30.02, "a"))
+    assert last_incident(robot.handle(events.NodeLeft(30.03, A))).killed == 30.03

@@ -22,6 +22,7 @@ from shsa_core.healing import events
 from shsa_core.healing.incident import State
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Counters, Healthy, Record, of_this_robot
+from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology
@@ -81,10 +82,11 @@ def test_incidents_and_substitutes_are_numbered_on() -> None:
     assert only(commands, events.StartSubstitute).node == "/substitute_a_2" != node
 
 
-def test_who_has_died_meanwhile_is_replaced_at_once() -> None:
+def test_who_has_died_meanwhile_is_replaced_once_the_monitors_had_a_moment() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    commands = succeed(robot, 20.0)
+    assert not has(succeed(robot, 20.0) + robot.idle(20.1), events.StartSubstitute)
+    commands = robot.handle(events.Tick(20.0 + ANSWER_S))
     start = only(commands, events.StartSubstitute)
     assert start.node != node and publishing(robot) == (True,)
     assert last_incident(commands).id == 1
@@ -165,7 +167,7 @@ def test_a_program_that_does_not_fit_the_models_any_more_is_not_gone_on_with() -
     other = Ontology(ONTOLOGY.properties, {}, [ONTOLOGY.functions[1]])
     commands = succeed(robot, 20.0, (node,), ontology=other)
     assert only(commands, events.StopNode).node == node
-    start = only(commands, events.StartSubstitute)
+    start = only(robot.handle(events.Tick(20.0 + ANSWER_S)), events.StartSubstitute)
     assert start.program is not None and start.program.inputs == ("/c/data",)
 
 
@@ -197,6 +199,16 @@ def test_a_node_that_came_back_meanwhile_is_not_killed() -> None:
     commands = robot.table(12.1)
     assert last_incident(commands).state is State.RETURNING
     assert not has(commands, events.FindNode)
+
+
+def test_it_is_not_killed_though_its_substitute_has_died_too() -> None:
+    robot = Robot()
+    robot.fail("/a", A, 10.0, "out_of_range")
+    commands = succeed(robot, 20.0) + robot.idle(20.1)
+    robot.row("/a", A, "healthy", 15.0)
+    commands += robot.table(20.2) + robot.handle(events.Tick(20.0 + ANSWER_S))
+    assert last_incident(commands).state is State.RETURNING
+    assert not has(commands, events.FindNode) and not has(commands, events.StartSubstitute)
 
 
 def test_who_was_well_counts_until_the_monitor_tells() -> None:
@@ -250,6 +262,7 @@ def test_a_death_at_any_command_of_a_takeover_leaves_one_publisher(commands: int
     said = robot.fail("/a", A, 10.0)
     started = [each.node for each in said[:commands] if isinstance(each, events.StartSubstitute)]
     succeed(robot, 11.0, tuple(started))
+    robot.handle(events.Tick(11.0 + ANSWER_S))
     assert publishing(robot) == (True,)
     (row,) = robot.working()
     assert last_incident(robot.heard(row.node, 12.0)).state is State.HEALED

@@ -180,13 +180,13 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(self, event: KillEvent) -> List[Said]:
-        """Go on with a kill."""
+    def handle(self, event: KillEvent, refused: bool = False) -> List[Said]:
+        """Go on with a kill; `refused`: the node is ended as it comes up."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
-            return [] if kill.where is not None else self._found(event, kill)
+            return [] if kill.where is not None else self._found(event, kill, refused)
         if isinstance(event, events.NodeAnswered):
             if not (kill.order.quick or kill.forced):
                 kill.answered = True
@@ -222,7 +222,7 @@ class Kills:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 
-    def _found(self, event: NodeFound, kill: _Kill) -> List[Said]:
+    def _found(self, event: NodeFound, kill: _Kill, refused: bool) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
         time, node, where, order = event.time, event.node, event.where, kill.order
         untold = [topic for topic, looked in kill.topics.items() if not looked]
@@ -240,7 +240,7 @@ class Kills:
                 self._health.protected[node], left = why, Outcome.PROTECTED
             spared = order.if_dead or order.at_once
             return self._end(time, node, Outcome.SPARED if spared else left, why)
-        if order.if_dead:
+        if order.if_dead or (order.at_once and not refused):
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")

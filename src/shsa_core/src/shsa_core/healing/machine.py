@@ -297,6 +297,8 @@ class Reconfigurator:
 
     def _node_learned(self, event: events.NodeLearned) -> List[Command]:
         self.robot.identities.learned(event)
+        if event.known and event.starts:  # somebody has started it anew
+            self.robot.abandoned.discard(event.node)
         self._core.unsettle_node(event.node)
         return []
 
@@ -312,6 +314,7 @@ class Reconfigurator:
     def _starter_ended(self, event: events.StarterEnded) -> List[Command]:
         ours = event.node in self.robot.restarted
         self.robot.restarted.discard(event.node)
+        self.robot.abandoned.add(event.node)
         return [events.StopNode(event.node)] if ours else []
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:

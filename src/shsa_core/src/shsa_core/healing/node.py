@@ -183,7 +183,8 @@ class Nodes:
 
     def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill."""
-        return self._outcomes(self.kills.handle(event))
+        case = self._cases.get(event.node)
+        return self._outcomes(self.kills.handle(event, case is not None and case.refusals > 0))
 
     def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
@@ -250,10 +251,12 @@ class Nodes:
         if kill.outcome is Outcome.UNREACHED and not host:
             kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
-            for each in accusations:
+            blamed = [each for each in accusations if each.fate is not Fate.NONE]
+            for each in blamed:
                 each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            self.kills.try_again(node)  # it may end by itself
+            if blamed:  # not let in after all
+                self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
             self.kills.wait(node)
@@ -369,8 +372,8 @@ class Nodes:
         if gone and self._cases[node].trust.soon:
             self.forgive(node)
 
-    def returned(self, service: str, node: str, since: float) -> None:
-        """A node publishes a service again, `since` a moment."""
+    def returned(self, service: str, node: str, since: float, by: str) -> None:
+        """A service is published again, `since` a moment: `by` its node itself, or another."""
         case = self._cases[node]
         case.failing = False
         if service in case.accusations:
@@ -379,7 +382,8 @@ class Nodes:
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout
-        self._trust(node, case, replace(trust, returned=since, start_at=None, awaited_by=awaited))
+        start = None if by == node else trust.start_at
+        self._trust(node, case, replace(trust, returned=since, start_at=start, awaited_by=awaited))
 
     def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
@@ -399,7 +403,8 @@ class Nodes:
         own = [s for s in specs if s is not None and s.policy.restarts and s.node == node]
         starts = case.trust.start_at is not None
         patience = doubled(self._settings.restart_timeout, case.trust.restarts - 1)
-        due = self._robot.time + patience if starts and own else None
+        awaited = starts and own and not all(each.back for each in case.accusations.values())
+        due = self._robot.time + patience if awaited else None
         self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
@@ -410,11 +415,12 @@ class Nodes:
         text = f"{topics}: {node} did not come back in time."
         return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
 
-    def forgive(self, node: str) -> None:
-        """Forget the relapses of a node."""
+    def forgive(self, node: str, wholly: bool = False) -> None:
+        """Forget the relapses of a node; `wholly`: how often it was started again, too."""
         case = self._cases[node]
         case.refusals = 0
-        none = replace(case.trust, relapses=0, doubtful=0, soon=False, returned=None)
+        trust = replace(case.trust, restarts=0, exhausted=False) if wholly else case.trust
+        none = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
         self._trust(node, case, none)
 
     def refuse(self, node: str, topic: str) -> List[Command]:

@@ -226,10 +226,10 @@ def wait_for_node(service: ServiceMachine) -> List[Command]:
     incident, robot = service.incident, service.robot
     service.timers.pop(Trigger.LATE, None)
     node, killed = incident.faulty_node, incident.killed is not None
-    if killed and not service.nodes.awaited(node):
-        service.start_node()  # the policy may have been another one when it was killed
-    trust, stranger = service.nodes.trust_in(node), node != service.spec.node
-    if trust.exhausted or (killed and stranger):  # how a stranger was started is not known
+    service.start_node(anew=True)
+    trust, kills = service.nodes.trust_in(node), service.nodes.kills
+    awaited = service.nodes.awaited(node) or kills.under_way(node)
+    if trust.exhausted or (killed and not awaited):  # how a stranger was started is not known
         text = f"{node} was started again {trust.restarts} times in vain"
         return give_up(service, ShsaError(text))
     waits = service.state in WAITING

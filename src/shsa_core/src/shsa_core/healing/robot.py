@@ -119,7 +119,7 @@ class Robot:
 
     `wanted`: the table of substitutions. `incidents`: the last one. `maintained`: by people now;
     `dry_run`: nothing is killed or started; `restarts`: nodes may be started again, as were those
-    `restarted`.
+    `restarted`; not so those `abandoned`, which end with the launch that started them first.
     """
 
     def __init__(
@@ -133,6 +133,7 @@ class Robot:
         self.restarts = True
         self.wanted: Table[Substitution, ShowSubstitutions] = Table(ShowSubstitutions)
         self.restarted: Set[str] = set()
+        self.abandoned: Set[str] = set()
         self.names = Names(namespace)
         self.records: Table[Record, WriteDown] = Table(WriteDown)
         self.health = Health(self.records)

@@ -19,7 +19,7 @@ from shsa_core.healing.node import Accusation, Nodes
 from shsa_core.healing.process import Processes, Substitute
 from shsa_core.healing.robot import Robot
 from shsa_core.model.health import PublisherHealth, PublisherState
-from shsa_core.model.kinds import Kind, OnPartition
+from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
@@ -163,17 +163,22 @@ class ServiceMachine:
             others = [each for each in well if each != node and each not in self.robot.health.dying]
             if others:
                 accusation = self.nodes.accuse(self.spec, node, event.kind)
-                commands = self.nodes.judge(self.spec, accusation, True, False)
+                commands = self.judge(accusation, replaced=True)
                 self.nodes.acquit(self.spec, node)
                 text = f"{node} failed ({event.detail}); {others[0]} carries on."
                 return [*commands, self.log(text)]
         commands = self.fire(Trigger.FAILED, replace(event, publisher=node))
         return commands + self._notice_first_message()  # by a bridge, heard before the failure
 
-    def judge(self, accusation: Accusation, plan: Optional[Plan]) -> List[Command]:
-        """Have it decided what becomes of a node whose place a plan takes."""
-        replaced = plan is not None and plan.computes and not plan.left_out
-        return self.nodes.judge(self.spec, accusation, replaced, self.state is State.HEALED)
+    def judge(
+        self, accusation: Accusation, plan: Optional[Plan] = None, replaced: bool = False
+    ) -> List[Command]:
+        """Have it decided what becomes of a node whose place a plan takes, or another node."""
+        spec = self.spec
+        if spec.policy.restarts and accusation is not self.accusation:  # nobody would start it
+            spec = replace(spec, policy=Policy.SUBSTITUTE)
+        replaced = replaced or (plan is not None and plan.computes and not plan.left_out)
+        return self.nodes.judge(spec, accusation, replaced, self.state is State.HEALED)
 
     def note_message(self, event: FailureSeen) -> None:
         """Keep the newest last good message: of the original, or of what was computed for it."""
@@ -211,7 +216,7 @@ class ServiceMachine:
             # It may be killed for its silence, or for what its next life has done.
             accused, plan = self.accusation, self.substitute.plan
             judged = [] if accused.back else self.judge(accused, plan)
-            return [*judged, *self.step(), *self.replan()]
+            return [*judged, *self.step(), *self.changed(), *self.replan()]
         if kill.outcome is Outcome.GONE:
             return self._killed(kill) + self.changed()
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
@@ -220,7 +225,9 @@ class ServiceMachine:
         return commands + self.replan() + self.changed() if over else commands
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
-        """Try to start the faulty node again, if it may be."""
+        """Try to start the faulty node again, if it may be, and is not back by other means."""
+        if self._speaks_again():
+            return []  # the word is late, or somebody else has started it
         self.start_node()
         text = f"{event.node} cannot be started again: {event.detail}."
         return [self.log(text, Level.ERROR), *self.replan()]
@@ -244,11 +251,15 @@ class ServiceMachine:
             commands = [said, *self.step(detail=f"{text}.")]
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
-    def start_node(self) -> None:
-        """Have the faulty node started again, if that is its policy."""
-        node = self.incident.faulty_node
-        if self.spec.policy.restarts and node == self.spec.node:
-            self.nodes.start_again(node)
+    def start_node(self, anew: bool = False) -> None:
+        """Start the faulty node again, if that is its policy; `anew`: unless it is due, or vain."""
+        node, nodes = self.incident.faulty_node, self.nodes
+        busy = self.accusation.kept or nodes.awaited(node) or nodes.kills.under_way(node)
+        if anew and (self.incident.killed is None or busy or nodes.kept_out(node)):
+            return
+        vain = node in self.robot.abandoned or (anew and nodes.trust_in(node).exhausted)
+        if self.spec.policy.restarts and node == self.spec.node and not vain:
+            nodes.start_again(node)
 
     def came_up(self) -> List[Command]:
         """Kill a node that is kept out as soon as it is there, before it is heard.
@@ -258,19 +269,18 @@ class ServiceMachine:
         node, nodes, robot = self.incident.faulty_node, self.nodes, self.robot
         if not self.refuses or self.accusation.kept or node in robot.health.dying:
             return []
-        others = (each for each in nodes.accusers(node) if each != self.spec.name)
-        if any(each in robot.indexes.stuck for each in others):
+        others = {*nodes.accusers(node)} - {self.spec.name}
+        if others.intersection(robot.indexes.stuck + robot.indexes.kept):
             return []  # it may bring a service that nothing else gives
-        if not nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole).kill:
-            return []
-        return nodes.refuse(node, self.spec.topic)
+        verdict = nodes.stakes.verdict(self.spec, node, Kind.OTHER, self.substitute.whole)
+        return nodes.refuse(node, self.spec.topic) if verdict.kill else []
 
     def released(self) -> List[Command]:
         """Let return what is kept out, and try again what was given up."""
         if self.state is State.WELL:
             return []
-        self.nodes.forgive(self.incident.faulty_node)
-        return self.fire(Trigger.REPLAN) if self.state in WAITING else self.step()
+        self.nodes.forgive(self.incident.faulty_node, wholly=True)
+        return [*self.step(), *self.replan()]
 
     # The substitute's process.
 
@@ -333,6 +343,10 @@ class ServiceMachine:
     def replan(self) -> List[Command]:
         """Plan and decide anew: another plan may be best, or the node cost something else."""
         state = self.state
+        if Trigger.REPLAN in self.timers:
+            return []  # the monitors have a moment to tell first
+        if not (self.accusation.back or self._speaks_again()):
+            self.start_node(anew=True)
         well = state is State.WELL and Trigger.RETRY not in self.timers
         waits = state in WAITING or (state is State.HEALING and not self.node)
         waits = waits or (state in SUBSTITUTED and self.spec.name in self.robot.indexes.stuck)

@@ -14,6 +14,7 @@ from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, Incident, State, Trigger
 from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
+from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import PublisherHealth, PublisherState
 from shsa_core.model.kinds import Policy
 from shsa_core.model.log import Level
@@ -30,7 +31,7 @@ def started(core: Core, event: events.Started) -> List[Command]:
     """
     robot, names = core.robot, core.robot.names
     if event.preparing:
-        core.processes.hold_starts(event.time + START_S)
+        core.processes.hold_starts(max(core.processes.starts.held_until, event.time + START_S))
     for node in event.running:
         if names.avoid(node):
             robot.health.substitutes.add(node, event.running)
@@ -148,8 +149,8 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         service.last_message = row.last_message
         if plan is not None:
             substitute.take_up(row, plan, robot.time if incident is None else incident.detected)
-    _set_timer(service)
     if row is None or (plan is not None and runs):
+        _set_timer(service)
         return commands
     why = "its process died"
     if plan is None:
@@ -157,18 +158,24 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         substitute.node, substitute.shared = row.node, row.shared
     text = f"{spec.topic}: the substitute that was left behind is of no use: {why}."
     commands += [*substitute.failed(False), Log(Level.WARN, text)]
-    return commands + service.fire(Trigger.SUBSTITUTE_FAILED)
+    if service.state is State.HEALED:
+        commands += service.step(state=State.HEALING, first_message=None, last_good=robot.time)
+    _set_timer(service)
+    fired = [] if Trigger.REPLAN in service.timers else service.fire(Trigger.SUBSTITUTE_FAILED)
+    return commands + fired
 
 
 def _set_timer(service: ServiceMachine) -> None:
-    """See to it that something happens in every state, also if nothing is ever heard again."""
+    """See to it that something happens in every state, once the monitors had a moment to tell."""
     state, now = service.state, service.robot.time
-    if state is State.HEALING:
-        service.timers[Trigger.LATE if service.node else Trigger.REPLAN] = now + START_S
+    if state is State.HEALING and service.node:
+        service.timers[Trigger.LATE] = now + START_S
     elif state is State.RETURNING:
         hold_off = service.nodes.hold_off(service.incident.faulty_node)
         service.timers[Trigger.STEADY] = now + max(START_S, hold_off)
-    elif state in WAITING:
+    elif state not in (State.WELL, State.HEALED):
+        service.timers[Trigger.REPLAN] = now + ANSWER_S
+    if state in WAITING:
         service.timers[Trigger.RETRY] = now + START_S
 
 

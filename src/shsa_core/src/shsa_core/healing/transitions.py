@@ -131,7 +131,7 @@ def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
     """Wait whether an original that is back stays healthy."""
     incident, row, robot = service.incident, service.returned(), service.robot
     assert row is not None
-    service.nodes.returned(service.spec.name, incident.faulty_node, row.since)
+    service.nodes.returned(service.spec.name, incident.faulty_node, row.since, row.publisher)
     length = service.nodes.hold_off(incident.faulty_node)
     service.timers.clear()
     service.timers[Trigger.STEADY] = robot.time + length
