@@ -57,6 +57,7 @@ class KillOver:
 
     `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
     it, empty: not known. `failing`: the topics on which its next life has failed meanwhile.
+    `news`: it is to be told.
     """
 
     time: float
@@ -66,6 +67,7 @@ class KillOver:
     cause: str = ""
     starter: str = ""
     failing: Tuple[str, ...] = ()
+    news: bool = True
 
     @property
     def told(self) -> str:

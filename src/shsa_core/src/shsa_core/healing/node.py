@@ -260,7 +260,7 @@ class Nodes:
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
-            return [kill] if news or kill.failing else []
+            return [replace(kill, news=news)]
         if kill.outcome is Outcome.UNREACHED:
             self.kills.wait(node)
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE

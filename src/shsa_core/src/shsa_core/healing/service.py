@@ -206,18 +206,23 @@ class ServiceMachine:
     # The node that is blamed: its kill goes on, it comes back, or it is judged again.
 
     def heed(self, kill: KillOver) -> List[Command]:
-        """Go on by how the kill of the faulty node has ended."""
-        if kill.outcome is Outcome.SPARED or self.spec.topic in kill.failing:
-            # It may be killed for its silence, or for what its next life has done.
-            accused, plan = self.accusation, self.substitute.plan
-            judged = [] if accused.back else self.judge(accused, plan)
-            return [*judged, *self.step(), *self.replan()]
-        if kill.outcome is Outcome.GONE:
+        """Go on by how the kill of the faulty node has ended; by then it may do well."""
+        fails = self.spec.topic in kill.failing
+        if kill.outcome is Outcome.GONE and not fails:
             return self._killed(kill) + self.changed()
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
-        said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
-        commands: List[Command] = [said, *self.step(detail=said.text)]
-        return commands + self.replan() + self.changed() if over else commands
+        commands: List[Command] = []
+        if kill.outcome is Outcome.SPARED or fails:
+            # It may be killed for its silence, or for what its next life has done.
+            commands += [] if fails or self.refuses else self.changed()
+            if not self.accusation.back:
+                commands += self.judge(self.accusation, self.substitute.plan)
+            return [*commands, *self.step(), *self.replan()]
+        if kill.news:
+            said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
+            commands += [said, *self.step(detail=said.text)]
+        commands += self.replan() if over else []
+        return commands if self.refuses else commands + self.changed()
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
         """Try to start the faulty node again, if it may be."""

@@ -1,0 +1,65 @@
+"""The end of a kill: a node that does well by then is back, and what it did not fail on stays."""
+from typing import Any, Dict, List
+
+import pytest
+from core_robot import SOM, A, Robot, changed, has
+from hosts_robot import BOARD, PI, distributed, seen, steady
+
+from shsa_core.healing import events
+from shsa_core.healing.events import AskToLeave, FindNode, NodeFound, Where
+from shsa_core.model.kinds import Contain, Kind, Policy, Standby
+
+RESTARTED = {"policy": Policy.RESTART_AND_SUBSTITUTE}
+
+
+def goes_on(robot: Robot, begin: float, end: float, *hosts: str) -> List[events.Command]:
+    """Time passes; whoever is looked for is found, and sends at its rate."""
+    said: List[events.Command] = []
+    while begin < end:
+        found = [*seen(robot, begin, *hosts), *robot.handle(events.Tick(begin))]
+        for each in [each for each in found if isinstance(each, FindNode)]:
+            found += robot.handle(NodeFound(begin + 0.1, each.node, Where.HERE, rate=50.0))
+        said += found
+        begin += 0.25
+    return said
+
+
+@pytest.mark.parametrize("answered", [True, False], ids=["slow", "lost"])
+@pytest.mark.parametrize(
+    "spec",
+    [{}, RESTARTED, {"policy": Policy.RESTART}, {"contain": Contain.NODE}]
+    + [{"standby": Standby.HOT}],
+)
+def test_a_node_that_is_back_before_it_is_found_is_back(
+    spec: Dict[str, Any], answered: bool
+) -> None:
+    """A respawned node was heard before the search was answered, and was ended 8 s later."""
+    robot = Robot(changed(SOM, "a", **spec))
+    robot.failure("/a", A, 10.0, "node_gone", "it died.", 9.9)
+    robot.back(10.6)
+    if answered:
+        robot.handle(NodeFound(10.7, A, Where.HERE))
+    assert not has(goes_on(robot, 11.0, 30.0), AskToLeave)
+    assert robot.core.incident("a") is None
+
+
+@pytest.mark.parametrize("where", [Where.HERE, Where.UNREACHABLE])
+@pytest.mark.parametrize("policy", [Policy.SUBSTITUTE, Policy.RESTART])
+@pytest.mark.parametrize("looks", [1, 2])
+def test_a_node_that_is_at_its_rate_again_as_its_computer_counts_is_back(
+    where: Where, policy: Policy, looks: int
+) -> None:
+    robot = distributed(policy=policy)
+    steady(robot, 3.0, 10.0, PI, BOARD)
+    robot.row("/a", A, "failed", 10.0, kind=Kind.RATE_LOW, detail="30 Hz")
+    robot.table(10.0)
+    time = 10.0
+    while looks > 1:  # the second tells nothing new
+        looks -= 1
+        robot.handle(NodeFound(time + 0.5, A, where, rate=50.0))
+        while not has(seen(robot, time, PI, BOARD), FindNode):
+            time += 0.25
+    robot.back(time + 0.3)
+    robot.handle(NodeFound(time + 0.6, A, where, rate=50.0))
+    assert not has(goes_on(robot, time + 1.0, time + 20.0, PI, BOARD), AskToLeave)
+    assert robot.core.incident("a") is None
