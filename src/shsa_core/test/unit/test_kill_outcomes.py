@@ -1,13 +1,17 @@
 """The end of a kill: a node that does well by then is back, and what it did not fail on stays."""
+from dataclasses import replace
 from typing import Any, Dict, List
 
 import pytest
-from core_robot import SOM, A, Robot, changed, has
+from core_robot import BOTH, SHARED, SOM, A, C, Robot, changed, has, service
 from hosts_robot import BOARD, PI, distributed, seen, steady
 
 from shsa_core.healing import events
 from shsa_core.healing.events import AskToLeave, FindNode, NodeFound, Where
+from shsa_core.healing.incident import State
+from shsa_core.model.cost import Host
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
+from shsa_core.model.som import Som
 
 RESTARTED = {"policy": Policy.RESTART_AND_SUBSTITUTE}
 
@@ -63,3 +67,31 @@ def test_a_node_that_is_at_its_rate_again_as_its_computer_counts_is_back(
     robot.handle(NodeFound(time + 0.6, A, where, rate=50.0))
     assert not has(goes_on(robot, time + 1.0, time + 20.0, PI, BOARD), AskToLeave)
     assert robot.core.incident("a") is None
+
+
+@pytest.mark.parametrize("topic", ["/d", "/shared"])
+@pytest.mark.parametrize(
+    "kind, answer",
+    [
+        ("node_gone", NodeFound(11.1, A, Where.HERE)),
+        ("out_of_range", NodeFound(11.1, A, Where.UNKNOWN)),
+        ("rate_low", NodeFound(11.1, A, Where.HERE, rate=50.0)),
+    ],
+)
+def test_a_kill_for_one_topic_leaves_alone_for_what_its_node_is_kept(
+    topic: str, kind: str, answer: NodeFound
+) -> None:
+    """A second voice spoke there beside the node, or processes were started in vain."""
+    kept = service("d", A, True, topic=topic, host=PI, contain=Contain.NONE)
+    mine, *_, other = SHARED.services.values()
+    som = Som([replace(mine, host=PI), kept, other, service("c", C, topic=topic)], [Host(PI, 4.0)])
+    robot = Robot(som, BOTH)
+    steady(robot, 1.0, 10.0, PI)
+    for time, failed, how in ((10.0, topic, "out_of_range"), (11.0, "/a", kind)):
+        robot.row(failed, A, "failed", time)
+        robot.failure(failed, A, time, how, "seen.", time - 0.1)
+    robot.handle(answer)
+    goes_on(robot, 12.0, 30.0, PI)
+    assert {row.service for row in robot.working()} <= {"a"}
+    incident = robot.core.incident("d")
+    assert incident is not None and incident.state is State.KEPT

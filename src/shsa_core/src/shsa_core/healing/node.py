@@ -247,11 +247,14 @@ class Nodes:
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
             each.fate = Fate.OPEN if each.topic in kill.failing else each.fate
+        if kill.outcome is not Outcome.GONE:  # what it is kept for goes on as before
+            accusations = [e for e in accusations if not e.kept or e.kind is Kind.NODE_GONE]
         if kill.outcome is Outcome.UNREACHED and not host:
             kill = replace(kill, outcome=Outcome.UNSURE)
-        if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
+        if kill.outcome is Outcome.SPARED:
             for each in accusations:
-                each.kind, each.spared = Kind.SILENT, True
+                if each.kind is Kind.NODE_GONE:  # it lost its connection, but still runs
+                    each.kind, each.spared = Kind.SILENT, True
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
             self.kills.try_again(node)  # it may end by itself
             return [kill]
