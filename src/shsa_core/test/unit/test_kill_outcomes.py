@@ -3,7 +3,7 @@ from dataclasses import replace
 from typing import Any, Dict, List
 
 import pytest
-from core_robot import BOTH, SHARED, SOM, A, C, Robot, changed, has, service
+from core_robot import BOTH, SHARED, SOM, A, B, C, Robot, changed, has, service
 from hosts_robot import BOARD, PI, distributed, seen, steady
 
 from shsa_core.healing import events
@@ -95,3 +95,14 @@ def test_a_kill_for_one_topic_leaves_alone_for_what_its_node_is_kept(
     assert {row.service for row in robot.working()} <= {"a"}
     incident = robot.core.incident("d")
     assert incident is not None and incident.state is State.KEPT
+
+
+def test_a_node_that_could_not_be_ended_still_gives_its_other_topics() -> None:
+    """They counted as unavailable for good, and nothing was computed from them."""
+    som = Som([service("a", A, True), service("b", A), service("d", C, True), service("c", B)])
+    robot = Robot(som, BOTH)
+    robot.row("/a", A, "failed", 10.0)
+    robot.failure("/a", A, 10.0, "out_of_range", "a is 99.", 9.9)
+    robot.killed(10.1, A, certain=False)
+    robot.fail("/d", C, 20.0)
+    assert [row.service for row in robot.working()] == ["a", "d"]

@@ -264,21 +264,22 @@ class Nodes:
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
             return [replace(kill, news=news)]
-        if kill.outcome is Outcome.UNREACHED:
-            self.kills.wait(node)
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = fate
-        if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
+        if kill.outcome is Outcome.GONE:
             return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:
+            self.kills.wait(node)
             return [kill]
         self._leave_alone(node)
+        if kill.outcome is Outcome.UNSURE:
+            return [kill]
         return [Log(Level.ERROR, f"{node} is not touched: {kill.detail}."), kill]
 
     def _gone(self, kill: KillOver) -> List[Command]:
-        """A node is gone, or could not be reached to make sure."""
+        """Forget the process of a node that is gone."""
         node, case = kill.node, self._cases.get(kill.node)
         commands: List[Command] = []
         self._health.gone(node, kill.time)
@@ -288,9 +289,7 @@ class Nodes:
                 if self._health.healthy((topic, node)):
                     commands += self._robot.identities.came_up(node, topic)
         self._robot.restarted.discard(node)
-        if kill.outcome is Outcome.UNSURE:
-            self._leave_alone(node)
-        elif case:  # its last failure was its own
+        if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
