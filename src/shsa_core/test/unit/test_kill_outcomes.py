@@ -106,3 +106,34 @@ def test_a_node_that_could_not_be_ended_still_gives_its_other_topics() -> None:
     robot.killed(10.1, A, certain=False)
     robot.fail("/d", C, 20.0)
     assert [row.service for row in robot.working()] == ["a", "d"]
+
+
+@pytest.mark.parametrize(
+    "spec", [{"contain": Contain.NONE}, {"policy": Policy.ADVISE}, {"policy": Policy.SUBSTITUTE}]
+)
+def test_a_kill_that_waits_is_no_more_when_the_som_says_another_thing(spec: Dict[str, Any]) -> None:
+    som = changed(SOM, "a", **RESTARTED)
+    robot = Robot(som)
+    robot.row("/a", A, "failed", 10.0)
+    robot.failure("/a", A, 10.0, "silent", "no message.", 9.9)
+    robot.handle(
+        events.SomChanged(10.5, changed(SOM, "a", **{"policy": Policy.SUBSTITUTE, **spec}))
+    )
+    assert not has(goes_on(robot, 11.0, 30.0), FindNode)
+    incident = robot.core.incident("a")
+    assert incident is not None and incident.kept
+    robot.handle(events.SomChanged(30.0, som))
+    assert has(goes_on(robot, 30.0, 33.0), AskToLeave)
+
+
+@pytest.mark.parametrize("speaks, kind", [(True, "silent"), (False, "silent"), (True, "length")])
+def test_a_silent_node_that_speaks_as_it_is_found_is_spared(speaks: bool, kind: str) -> None:
+    """It is so for its silence alone."""
+    robot = Robot(changed(SOM, "a", contain=Contain.NODE, policy=Policy.RESTART))
+    robot.row("/a", A, "failed", 10.0)
+    assert has(robot.failure("/a", A, 10.0, kind, "seen.", 9.9), FindNode)
+    robot.row("/a", A, "healthy" if speaks else "failed", 10.05)
+    robot.table(10.1)
+    ended = has(robot.handle(NodeFound(10.2, A, Where.HERE)), AskToLeave)
+    assert ended is not (speaks and kind == "silent")
+    assert ended or not has(goes_on(robot, 11.0, 30.0), FindNode)

@@ -182,13 +182,13 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(self, event: KillEvent) -> List[Said]:
-        """Go on with a kill."""
+    def handle(self, event: KillEvent, speaks: bool = False) -> List[Said]:
+        """Go on with a kill; `speaks`: it is over if the node is found."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
-            return [] if kill.where is not None else self._found(event, kill)
+            return [] if kill.where is not None else self._found(event, kill, speaks)
         if isinstance(event, events.NodeAnswered):
             if not (kill.order.quick or kill.forced):
                 kill.answered = True
@@ -224,7 +224,7 @@ class Kills:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 
-    def _found(self, event: NodeFound, kill: _Kill) -> List[Said]:
+    def _found(self, event: NodeFound, kill: _Kill, speaks: bool) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
         time, node, where, order = event.time, event.node, event.where, kill.order
         untold = [topic for topic, looked in kill.topics.items() if not looked]
@@ -242,7 +242,8 @@ class Kills:
                 self._health.protected[node], left = why, Outcome.PROTECTED
             spared = order.if_dead or order.at_once
             return self._end(time, node, Outcome.SPARED if spared else left, why)
-        if order.if_dead:
+        speaks &= not self._health.succeeded(node)  # else it is another life that speaks
+        if order.if_dead or (speaks and not order.at_once):
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")

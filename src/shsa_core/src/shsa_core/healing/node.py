@@ -141,12 +141,7 @@ class Nodes:
             return []
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
-        restarted = service.policy.restarts and node == service.node and self._may_restart(node)
-        restarted &= node in self._health.startable
-        if service.event_driven and accusation.silent:
-            sure = accusation.spared or accusation.kind is not Kind.SILENT
-            # Else it need not say a thing: only a connection was lost, or a link.
-            restarted &= sure and not self._robot.host_of(node)
+        restarted = self._restarts(service, accusation)
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -166,6 +161,21 @@ class Nodes:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 
+    def _restarts(self, service: Service, accusation: Accusation) -> bool:
+        """Tell that a node is started again once it is killed."""
+        node = accusation.node
+        restarts = service.policy.restarts and node == service.node and self._may_restart(node)
+        if service.event_driven and accusation.silent:
+            sure = accusation.spared or accusation.kind is not Kind.SILENT
+            # Else it need not say a thing: only a connection was lost, or a link.
+            restarts &= sure and not self._robot.host_of(node)
+        return restarts and node in self._health.startable
+
+    def _stands(self, service: Service, accused: Accusation) -> bool:
+        """Tell that a kill that waits is still to be, or one that was in vain."""
+        again = accused.fate is Fate.NONE or self._restarts(service, accused)
+        return self.stakes.verdict(service, accused.node, accused.kind, True, again).kill
+
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
         """Return the kill of a node, by the word of its computer where its link may be to blame."""
@@ -182,8 +192,10 @@ class Nodes:
     # A kill goes on, and is over.
 
     def heed(self, event: KillEvent) -> List[Command]:
-        """Go on with a kill."""
-        return self._outcomes(self.kills.handle(event))
+        """Go on with a kill; one for silence alone spares a node that speaks as it is found."""
+        node, held = event.node, [e for e in self._accusations(event.node) if not e.kept]
+        heard = [e.kind in QUIET and self._health.healthy((e.topic, node)) for e in held]
+        return self._outcomes(self.kills.handle(event, speaks=bool(held) and all(heard)))
 
     def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
@@ -203,8 +215,9 @@ class Nodes:
 
     def _kill_again(self, node: str) -> List[Command]:
         commands: List[Command] = []
-        for name in self.accusers(node):
-            service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
+        held = self._cases[node].accusations if node in self._cases else {}
+        for name, accusation in sorted(held.items()):
+            service = self._robot.spec(name)
             if service is None or accusation.back or (accusation.kept and not accusation.spared):
                 continue
             if accusation.kept:
@@ -212,6 +225,10 @@ class Nodes:
             elif accusation.silent and self._speaks(service, accusation):
                 accusation.reprieves += 1
                 self.kills.wait(node, service.period or 0.0)
+                continue
+            elif not self._stands(service, accusation):
+                accusation.fate = Fate.OPEN
+                commands += self._told(KillOver(self._robot.time, node, Outcome.SPARED))
                 continue
             else:
                 order = replace(self._order(service, accusation), only_here=False, if_dead=False)
@@ -223,10 +240,8 @@ class Nodes:
         row = self._health.row((service.topic, accused.node))
         if row is None or accused.reprieves >= REPRIEVES:
             return False
-        if not row.has_failed:  # it is connected anew, perhaps as another process that starts up
-            return True
-        if row.last_good is None:
-            return False
+        if row.last_good is None or not row.has_failed:
+            return not row.has_failed  # connected anew, perhaps as another process that starts up
         patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
         return row.last_good > max(row.since, self._robot.time - patience)
 
