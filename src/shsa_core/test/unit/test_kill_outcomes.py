@@ -1,9 +1,9 @@
 """The end of a kill: a node that does well by then is back, and what it did not fail on stays."""
 from dataclasses import replace
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional
 
 import pytest
-from core_robot import BOTH, SHARED, SOM, A, B, C, Robot, changed, has, service
+from core_robot import BOTH, SHARED, SOM, A, B, C, Robot, changed, has, publishing, service
 from hosts_robot import BOARD, PI, distributed, seen, steady
 
 from shsa_core.healing import events
@@ -137,3 +137,24 @@ def test_a_silent_node_that_speaks_as_it_is_found_is_spared(speaks: bool, kind: 
     ended = has(robot.handle(NodeFound(10.2, A, Where.HERE)), AskToLeave)
     assert ended is not (speaks and kind == "silent")
     assert ended or not has(goes_on(robot, 11.0, 30.0), FindNode)
+
+
+@pytest.mark.parametrize("answer", [None, Where.UNKNOWN, Where.PROTECTED, Where.ANOTHER])
+def test_what_somebody_asked_for_is_over_if_the_node_goes_on(answer: Optional[Where]) -> None:
+    """Its substitute spoke beside the healthy node."""
+    robot = Robot()
+    robot.handle(events.SubstituteRequested(10.0, "a"))
+    if answer is not None:
+        robot.handle(NodeFound(10.1, A, answer, "so it is."))
+    robot.handle(events.Tick(12.1))  # it could not be found in time
+    assert robot.core.incident("a") is None and not robot.working()
+    assert not has(goes_on(robot, 12.2, 30.0), FindNode)
+
+
+def test_what_somebody_asked_for_goes_on_if_the_node_fails_meanwhile() -> None:
+    robot = Robot()
+    robot.handle(events.SubstituteRequested(10.0, "a"))
+    robot.row("/a", A, "failed", 10.1)
+    robot.failure("/a", A, 10.1, "out_of_range", "a is 99.", 10.0)
+    robot.killed(10.2, A, certain=False)
+    assert publishing(robot) == (True,)

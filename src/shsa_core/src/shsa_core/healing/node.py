@@ -325,9 +325,8 @@ class Nodes:
 
     def hold_off(self, node: str) -> float:
         """Return how long a node must stay healthy when it returns now, in s."""
-        settings = self._settings
-        relapses = self._cases[node].trust.relapses if settings.switches else 0
-        return settings.held_off(relapses)
+        relapses = self._cases[node].trust.relapses if self._settings.switches else 0
+        return self._settings.held_off(relapses)
 
     def kept_out(self, node: str) -> bool:
         """Tell that a node relapsed too often in a row to return."""
@@ -376,8 +375,7 @@ class Nodes:
                 return
         by_link = kind in BY_LINK and bool(self._robot.host_of(service.node))
         doubtful = trust.doubtful + (by_link or kind in MISSED)
-        relapses = trust.relapses + 1
-        trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
+        trust = replace(trust, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)
 
     def left_in_order(self, node: str) -> None:
@@ -390,9 +388,8 @@ class Nodes:
         """A node publishes a service again, `since` a moment."""
         case = self._cases[node]
         case.failing = False
-        if service in case.accusations:
-            accusation = case.accusations[service]
-            accusation.back, accusation.reprieves = True, 0
+        accusation = case.accusations[service]
+        accusation.back, accusation.reprieves = True, 0
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout

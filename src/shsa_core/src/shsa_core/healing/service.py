@@ -210,17 +210,17 @@ class ServiceMachine:
         fails = self.spec.topic in kill.failing
         if kill.outcome is Outcome.GONE and not fails:
             return self._killed(kill) + self.changed()
-        over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
-        commands: List[Command] = []
         if kill.outcome is Outcome.SPARED or fails:
             # It may be killed for its silence, or for what its next life has done.
-            commands += [] if fails or self.refuses else self.changed()
+            commands: List[Command] = [] if fails or self.refuses else self.changed()
             if not self.accusation.back:
                 commands += self.judge(self.accusation, self.substitute.plan)
             return [*commands, *self.step(), *self.replan()]
-        if kill.news:
-            said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
-            commands += [said, *self.step(detail=said.text)]
+        over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
+        said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
+        commands = [said, *self.step(detail=said.text)] if kill.news else []
+        if self.accusation.kind is Kind.REQUESTED and self.state is not State.RETURNING:
+            return [*commands, *self.fire(Trigger.REPLAN)]
         commands += self.replan() if over else []
         return commands if self.refuses else commands + self.changed()
 
