@@ -9,6 +9,7 @@ from hosts_robot import BOARD, PI, distributed, seen, steady
 from shsa_core.healing import events
 from shsa_core.healing.events import AskToLeave, FindNode, NodeFound, Where
 from shsa_core.healing.incident import State
+from shsa_core.healing.records import NodeRecord
 from shsa_core.model.cost import Host
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.som import Som
@@ -158,3 +159,41 @@ def test_what_somebody_asked_for_goes_on_if_the_node_fails_meanwhile() -> None:
     robot.failure("/a", A, 10.1, "out_of_range", "a is 99.", 10.0)
     robot.killed(10.2, A, certain=False)
     assert publishing(robot) == (True,)
+
+
+def restarting() -> Robot:
+    """Return a robot whose node is gone, and is to be started again."""
+    robot = Robot(changed(SOM, "a", policy=Policy.RESTART))
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.01, A)
+    return robot
+
+
+def test_a_node_that_somebody_else_has_started_is_not_started_again() -> None:
+    robot = restarting()
+    robot.connects(10.3, "/a", A)
+    said = goes_on(robot, 10.6, 25.0)
+    assert not has(said, events.RestartNode)
+    assert has(said, AskToLeave)  # it does not come up
+    robot.handle(events.NodeLeft(25.1, A))
+    assert has(goes_on(robot, 25.2, 30.0), events.RestartNode)
+
+
+@pytest.mark.parametrize("state", ["unknown", "healthy"])
+def test_a_start_that_is_told_late_to_have_failed_is_not_tried_again(state: str) -> None:
+    robot = restarting()
+    assert has(robot.handle(events.Tick(10.6)), events.RestartNode)
+    robot.row("/a", A, state, 11.0)
+    robot.table(11.1)
+    robot.handle(events.RestartFailed(11.2, A, "its computer did not answer"))
+    (trust,) = [each.trust for each in robot.written.values() if isinstance(each, NodeRecord)]
+    assert (trust.start_at is None) is (state == "healthy")
+    assert not has(goes_on(robot, 11.3, 13.5), events.RestartNode)
+
+
+def test_a_node_that_somebody_else_has_started_and_that_died_is_started() -> None:
+    robot = restarting()
+    robot.connects(10.3, "/a", A)
+    robot.rows.clear()
+    robot.table(10.4)
+    assert has(robot.handle(events.Tick(10.6)), events.RestartNode)

@@ -87,8 +87,7 @@ class Nodes:
         self.kills = Kills(robot)
         self._robot = robot
         self.stakes = Stakes(robot)
-        self._settings = robot.settings
-        self._health = robot.health
+        self._settings, self._health = robot.settings, robot.health
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
 
@@ -101,8 +100,7 @@ class Nodes:
 
     def accusers(self, node: str) -> List[str]:
         """Return the services that accuse a node."""
-        case = self._cases.get(node)
-        return [] if case is None else sorted(case.accusations)
+        return sorted(self._cases[node].accusations) if node in self._cases else []
 
     # A node fails, and is judged.
 
@@ -419,6 +417,10 @@ class Nodes:
             return []
         topics = ", ".join(each.topic for each in own)
         if starts:
+            health, gone = self._health, self._health.excluded.get(node, -math.inf)
+            rows = (health.row((topic, node)) for topic in health.topics.get(node, ()))
+            if any(row and not row.has_failed and row.since > gone for row in rows):
+                return []  # somebody else has started it, and it has its time to come up
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
@@ -443,8 +445,7 @@ class Nodes:
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
-        case = self._cases.setdefault(record.node, Case())
-        self._trust(record.node, case, record.trust)
+        self._trust(record.node, self._cases.setdefault(record.node, Case()), record.trust)
 
     def _trust(self, node: str, case: Case, trust: Trust) -> None:
         if trust == case.trust:
@@ -457,7 +458,6 @@ class Nodes:
     def validate(self) -> None:
         """Raise ShsaError if a node is to be killed, and nothing will happen."""
         for node, case in self._cases.items():
-            accused = case.accusations.values()
-            killed = any(each.fate is Fate.KILLED and not each.back for each in accused)
-            if killed and not self.kills.under_way(node):
+            killed = (e.fate is Fate.KILLED and not e.back for e in case.accusations.values())
+            if any(killed) and not self.kills.under_way(node):
                 raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

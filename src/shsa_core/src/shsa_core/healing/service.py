@@ -233,7 +233,7 @@ class ServiceMachine:
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         kept_out = self.nodes.kept_out(event.node)
-        if self.state is not State.RETURNING and not kept_out:
+        if not kept_out:
             self.start_node()
         commands: List[Command] = []
         count, text = self.nodes.refusals(event.node), ""
@@ -250,9 +250,9 @@ class ServiceMachine:
         return [*commands, *self.step(killed=event.time), *self.replan()]
 
     def start_node(self) -> None:
-        """Have the faulty node started again, if that is its policy."""
-        node = self.incident.faulty_node
-        if self.spec.policy.restarts and node == self.spec.node:
+        """Have the faulty node started again, if that is its policy, and it is not back."""
+        node, back = self.incident.faulty_node, self.state is State.RETURNING
+        if self.spec.policy.restarts and node == self.spec.node and not back:
             self.nodes.start_again(node)
 
     def came_up(self) -> List[Command]:
