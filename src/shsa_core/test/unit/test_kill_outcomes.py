@@ -3,7 +3,7 @@ from dataclasses import replace
 from typing import Any, Dict, List, Optional
 
 import pytest
-from core_robot import BOTH, SHARED, SOM, A, B, C, Robot, changed, has, publishing, service
+from core_robot import BOTH, SHARED, SOM, A, B, C, Robot, changed, has, only, publishing, service
 from hosts_robot import BOARD, PI, distributed, seen, steady
 
 from shsa_core.healing import events
@@ -197,3 +197,23 @@ def test_a_node_that_somebody_else_has_started_and_that_died_is_started() -> Non
     robot.rows.clear()
     robot.table(10.4)
     assert has(robot.handle(events.Tick(10.6)), events.RestartNode)
+
+
+@pytest.mark.parametrize("policy", [Policy.RESTART, Policy.RESTART_AND_SUBSTITUTE])
+@pytest.mark.parametrize("where", [Where.HERE, Where.DEAD])
+def test_a_slow_start_is_not_ended_where_the_som_forbids_it(policy: Policy, where: Where) -> None:
+    robot = Robot(changed(SOM, "a", policy=policy, contain=Contain.NONE))
+    robot.fail("/a", A, 10.0)
+    robot.killed(10.01, A)
+    assert has(robot.handle(events.Tick(10.6)), events.RestartNode)
+    robot.connects(12.0, "/a", A)
+    assert not only(robot.handle(events.Tick(20.7)), FindNode).successor
+    robot.handle(NodeFound(20.8, A, where))
+    if where is Where.DEAD:
+        assert has(goes_on(robot, 20.9, 25.0), events.RestartNode)
+    else:
+        said = goes_on(robot, 20.9, 40.0)
+        assert not has(said, AskToLeave) and not has(said, events.RestartNode)
+        robot.back(40.0)
+        goes_on(robot, 40.1, 43.0)
+        assert robot.core.incident("a") is None

@@ -100,7 +100,7 @@ class Nodes:
 
     def accusers(self, node: str) -> List[str]:
         """Return the services that accuse a node."""
-        return sorted(self._cases[node].accusations) if node in self._cases else []
+        return sorted(self._held(node))
 
     # A node fails, and is judged.
 
@@ -191,7 +191,7 @@ class Nodes:
 
     def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill; one for silence alone spares a node that speaks as it is found."""
-        node, held = event.node, [e for e in self._accusations(event.node) if not e.kept]
+        node, held = event.node, [e for e in self._held(event.node).values() if not e.kept]
         heard = [e.kind in QUIET and self._health.healthy((e.topic, node)) for e in held]
         return self._outcomes(self.kills.handle(event, speaks=bool(held) and all(heard)))
 
@@ -213,8 +213,7 @@ class Nodes:
 
     def _kill_again(self, node: str) -> List[Command]:
         commands: List[Command] = []
-        held = self._cases[node].accusations if node in self._cases else {}
-        for name, accusation in sorted(held.items()):
+        for name, accusation in sorted(self._held(node).items()):
             service = self._robot.spec(name)
             if service is None or accusation.back or (accusation.kept and not accusation.spared):
                 continue
@@ -256,7 +255,7 @@ class Nodes:
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
-        held = self._accusations(node)
+        held = self._held(node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
             each.fate = Fate.OPEN if each.topic in kill.failing else each.fate
@@ -307,8 +306,8 @@ class Nodes:
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
 
-    def _accusations(self, node: str) -> List[Accusation]:
-        return list(self._cases[node].accusations.values()) if node in self._cases else []
+    def _held(self, node: str) -> Dict[str, Accusation]:
+        return self._cases[node].accusations if node in self._cases else {}
 
     def _leave_alone(self, node: str) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
@@ -378,7 +377,7 @@ class Nodes:
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
-        gone = any(each.kind is Kind.NODE_GONE for each in self._accusations(node))
+        gone = any(each.kind is Kind.NODE_GONE for each in self._held(node).values())
         if gone and self._cases[node].trust.soon:
             self.forgive(node)
 
@@ -424,7 +423,11 @@ class Nodes:
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
-        return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
+        accused = [case.accusations[each.name] for each in own]
+        order = KillNode(node, own[0].topic, if_dead=not any(map(self._stands, own, accused)))
+        for each in accused if order.if_dead else ():  # it is judged again if it runs
+            each.kind, each.fate = Kind.NODE_GONE, Fate.OPEN
+        return [Log(Level.WARN, text), *self.kills.order(order)]
 
     def forgive(self, node: str) -> None:
         """Forget the relapses of a node."""
