@@ -219,10 +219,9 @@ class Health:
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""
         self.verified.discard(node)
-        self.excluded[node] = time
         rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
-        if any(row.is_well and row.since > time for row in rows):
-            del self.excluded[node]
+        if not any(row.is_well and row.since > time for row in rows):
+            self.excluded[node] = time
 
     # A monitor is lost, or starts anew.
 

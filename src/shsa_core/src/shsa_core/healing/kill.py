@@ -57,6 +57,7 @@ class KillOver:
 
     `detail`: what was seen; `cause`: why it may do well all the same. `starter`: who had started
     it, empty: not known. `failing`: the topics on which its next life has failed meanwhile.
+    `news`: it is to be told.
     """
 
     time: float
@@ -66,6 +67,7 @@ class KillOver:
     cause: str = ""
     starter: str = ""
     failing: Tuple[str, ...] = ()
+    news: bool = True
 
     @property
     def told(self) -> str:
@@ -180,13 +182,13 @@ class Kills:
         self.again.set(node, None)
         return [self._find(time, node, order.topic)]
 
-    def handle(self, event: KillEvent, refused: bool = False) -> List[Said]:
-        """Go on with a kill; `refused`: the node is ended as it comes up."""
+    def handle(self, event: KillEvent, speaks: bool = False, refused: bool = False) -> List[Said]:
+        """Go on with a kill of a node that `speaks` again; `refused`: it is ended as it comes up."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
         if isinstance(event, NodeFound):
-            return [] if kill.where is not None else self._found(event, kill, refused)
+            return [] if kill.where is not None else self._found(event, kill, speaks, refused)
         if isinstance(event, events.NodeAnswered):
             if not (kill.order.quick or kill.forced):
                 kill.answered = True
@@ -222,7 +224,7 @@ class Kills:
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 
-    def _found(self, event: NodeFound, kill: _Kill, refused: bool) -> List[Said]:
+    def _found(self, event: NodeFound, kill: _Kill, speaks: bool, refused: bool) -> List[Said]:
         """Act on where the process of a node runs: the first rule that applies counts."""
         time, node, where, order = event.time, event.node, event.where, kill.order
         untold = [topic for topic, looked in kill.topics.items() if not looked]
@@ -240,7 +242,8 @@ class Kills:
                 self._health.protected[node], left = why, Outcome.PROTECTED
             spared = order.if_dead or order.at_once
             return self._end(time, node, Outcome.SPARED if spared else left, why)
-        if order.if_dead or (order.at_once and not refused):
+        speaks &= not self._health.succeeded(node)  # else it is another life that speaks
+        if order.if_dead or (not refused if order.at_once else speaks):
             return self._end(time, node, Outcome.SPARED)
         if where is Where.UNREACHABLE:
             return self.unreached(time, node, event.detail or "its computer cannot be reached")

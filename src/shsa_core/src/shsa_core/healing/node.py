@@ -87,8 +87,7 @@ class Nodes:
         self.kills = Kills(robot)
         self._robot = robot
         self.stakes = Stakes(robot)
-        self._settings = robot.settings
-        self._health = robot.health
+        self._settings, self._health = robot.settings, robot.health
         self._cases: Dict[str, Case] = {}
         self._returns: Agenda[str] = Agenda()  # nodes that are to be started, or to come up
 
@@ -101,8 +100,7 @@ class Nodes:
 
     def accusers(self, node: str) -> List[str]:
         """Return the services that accuse a node."""
-        case = self._cases.get(node)
-        return [] if case is None else sorted(case.accusations)
+        return sorted(self._held(node))
 
     # A node fails, and is judged.
 
@@ -141,12 +139,7 @@ class Nodes:
             return []
         node, gone, was_kept = accusation.node, accusation.kind is Kind.NODE_GONE, accusation.kept
         before = accusation.decision if was_kept else ""
-        restarted = service.policy.restarts and node == service.node and self._may_restart(node)
-        restarted &= node in self._health.startable
-        if service.event_driven and accusation.silent:
-            sure = accusation.spared or accusation.kind is not Kind.SILENT
-            # Else it need not say a thing: only a connection was lost, or a link.
-            restarted &= sure and not self._robot.host_of(node)
+        restarted = self._restarts(service, accusation)
         verdict = self.stakes.verdict(service, node, accusation.kind, replaced, restarted)
         waits = accusation.silent and replaced and not (taken_over or restarted)
         if verdict.kill and waits:
@@ -166,6 +159,21 @@ class Nodes:
             commands.append(Log(Level.WARN, f"{service.topic}: {accusation.decision}."))
         return commands
 
+    def _restarts(self, service: Service, accusation: Accusation) -> bool:
+        """Tell that a node is started again once it is killed."""
+        node = accusation.node
+        restarts = service.policy.restarts and node == service.node and self._may_restart(node)
+        if service.event_driven and accusation.silent:
+            sure = accusation.spared or accusation.kind is not Kind.SILENT
+            # Else it need not say a thing: only a connection was lost, or a link.
+            restarts &= sure and not self._robot.host_of(node)
+        return restarts and node in self._health.startable
+
+    def _stands(self, service: Service, accused: Accusation) -> bool:
+        """Tell that a kill that waits is still to be, or one that was in vain."""
+        again = accused.fate is Fate.NONE or self._restarts(service, accused)
+        return self.stakes.verdict(service, accused.node, accused.kind, True, again).kill
+
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
         """Return the kill of a node, by the word of its computer where its link may be to blame."""
@@ -182,9 +190,12 @@ class Nodes:
     # A kill goes on, and is over.
 
     def heed(self, event: KillEvent) -> List[Command]:
-        """Go on with a kill."""
-        case = self._cases.get(event.node)
-        return self._outcomes(self.kills.handle(event, case is not None and case.refusals > 0))
+        """Go on with a kill; one for silence alone spares a node that speaks as it is found."""
+        node, held = event.node, [e for e in self._held(event.node).values() if not e.kept]
+        heard = [e.kind in QUIET and self._health.healthy((e.topic, node)) for e in held]
+        case, speaks = self._cases.get(node), bool(held) and all(heard)
+        refused = case is not None and case.refusals > 0
+        return self._outcomes(self.kills.handle(event, speaks, refused))
 
     def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
@@ -204,8 +215,8 @@ class Nodes:
 
     def _kill_again(self, node: str) -> List[Command]:
         commands: List[Command] = []
-        for name in self.accusers(node):
-            service, accusation = self._robot.spec(name), self._cases[node].accusations[name]
+        for name, accusation in sorted(self._held(node).items()):
+            service = self._robot.spec(name)
             if service is None or accusation.back or (accusation.kept and not accusation.spared):
                 continue
             if accusation.kept:
@@ -213,6 +224,10 @@ class Nodes:
             elif accusation.silent and self._speaks(service, accusation):
                 accusation.reprieves += 1
                 self.kills.wait(node, service.period or 0.0)
+                continue
+            elif not self._stands(service, accusation):
+                accusation.fate = Fate.OPEN
+                commands += self._told(KillOver(self._robot.time, node, Outcome.SPARED))
                 continue
             else:
                 order = replace(self._order(service, accusation), only_here=False, if_dead=False)
@@ -224,10 +239,8 @@ class Nodes:
         row = self._health.row((service.topic, accused.node))
         if row is None or accused.reprieves >= REPRIEVES:
             return False
-        if not row.has_failed:  # it is connected anew, perhaps as another process that starts up
-            return True
-        if row.last_good is None:
-            return False
+        if row.last_good is None or not row.has_failed:
+            return not row.has_failed  # connected anew, perhaps as another process that starts up
         patience = max(CERTAIN_S, self._settings.deadlines.longest(service) or 0.0)
         return row.last_good > max(row.since, self._robot.time - patience)
 
@@ -244,18 +257,20 @@ class Nodes:
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
-        held = self._accusations(node)
+        held = self._held(node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
             each.fate = Fate.OPEN if each.topic in kill.failing else each.fate
+        if kill.outcome is not Outcome.GONE:  # what it is kept for goes on as before
+            accusations = [e for e in accusations if not e.kept or e.kind is Kind.NODE_GONE]
         if kill.outcome is Outcome.UNREACHED and not host:
             kill = replace(kill, outcome=Outcome.UNSURE)
-        if kill.outcome is Outcome.SPARED:  # it lost its connection, but still runs
-            blamed = [each for each in accusations if each.fate is not Fate.NONE]
-            for each in blamed:
-                each.kind, each.spared = Kind.SILENT, True
+        if kill.outcome is Outcome.SPARED:
+            for each in accusations:
+                if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
+                    each.kind, each.spared = Kind.SILENT, True  # it lost its connection, but runs
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            if blamed:  # not let in after all
+            if any(each.fate is not Fate.NONE for each in held):  # not let in after all
                 self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
@@ -263,22 +278,23 @@ class Nodes:
             news = any(each.excuse != kill.cause for each in accusations)
             for each in accusations:
                 each.decision, each.fate, each.excuse = kill.told, Fate.NONE, kill.cause
-            return [kill] if news or kill.failing else []
-        if kill.outcome is Outcome.UNREACHED:
-            self.kills.wait(node)
+            return [replace(kill, news=news)]
         fate = Fate.KEPT if kill.outcome is Outcome.PROTECTED else Fate.NONE
         for each in accusations:
             each.decision = f"{node} is gone" if each.kept else each.decision
             each.fate = fate
-        if kill.outcome in (Outcome.GONE, Outcome.UNSURE):
+        if kill.outcome is Outcome.GONE:
             return [kill, *self._gone(kill)]
         if kill.outcome is Outcome.UNREACHED:
+            self.kills.wait(node)
             return [kill]
         self._leave_alone(node)
+        if kill.outcome is Outcome.UNSURE:
+            return [kill]
         return [Log(Level.ERROR, f"{node} is not touched: {kill.detail}."), kill]
 
     def _gone(self, kill: KillOver) -> List[Command]:
-        """A node is gone, or could not be reached to make sure."""
+        """Forget the process of a node that is gone."""
         node, case = kill.node, self._cases.get(kill.node)
         commands: List[Command] = []
         self._health.gone(node, kill.time)
@@ -288,15 +304,13 @@ class Nodes:
                 if self._health.healthy((topic, node)):
                     commands += self._robot.identities.came_up(node, topic)
         self._robot.restarted.discard(node)
-        if kill.outcome is Outcome.UNSURE:
-            self._leave_alone(node)
-        elif case:  # its last failure was its own
+        if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
             self._trust(node, case, replace(case.trust, doubtful=doubtful))
         return commands
 
-    def _accusations(self, node: str) -> List[Accusation]:
-        return list(self._cases[node].accusations.values()) if node in self._cases else []
+    def _held(self, node: str) -> Dict[str, Accusation]:
+        return self._cases[node].accusations if node in self._cases else {}
 
     def _leave_alone(self, node: str) -> None:
         """Do no more about a node: two of one name would end each other, so it is not restarted."""
@@ -311,9 +325,8 @@ class Nodes:
 
     def hold_off(self, node: str) -> float:
         """Return how long a node must stay healthy when it returns now, in s."""
-        settings = self._settings
-        relapses = self._cases[node].trust.relapses if settings.switches else 0
-        return settings.held_off(relapses)
+        relapses = self._cases[node].trust.relapses if self._settings.switches else 0
+        return self._settings.held_off(relapses)
 
     def kept_out(self, node: str) -> bool:
         """Tell that a node relapsed too often in a row to return."""
@@ -362,13 +375,12 @@ class Nodes:
                 return
         by_link = kind in BY_LINK and bool(self._robot.host_of(service.node))
         doubtful = trust.doubtful + (by_link or kind in MISSED)
-        relapses = trust.relapses + 1
-        trust = replace(trust, relapses=relapses, doubtful=doubtful, soon=not soon)
+        trust = replace(trust, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
         self._trust(node, case, trust)
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
-        gone = any(each.kind is Kind.NODE_GONE for each in self._accusations(node))
+        gone = any(each.kind is Kind.NODE_GONE for each in self._held(node).values())
         if gone and self._cases[node].trust.soon:
             self.forgive(node)
 
@@ -376,9 +388,8 @@ class Nodes:
         """A service is published again, `since` a moment: `by` its node itself, or another."""
         case = self._cases[node]
         case.failing = False
-        if service in case.accusations:
-            accusation = case.accusations[service]
-            accusation.back, accusation.reprieves = True, 0
+        accusation = case.accusations[service]
+        accusation.back, accusation.reprieves = True, 0
         trust, awaited = case.trust, None
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout
@@ -410,10 +421,18 @@ class Nodes:
             return []
         topics = ", ".join(each.topic for each in own)
         if starts:
+            health, gone = self._health, self._health.excluded.get(node, -math.inf)
+            rows = (health.row((topic, node)) for topic in health.topics.get(node, ()))
+            if any(row and not row.has_failed and row.since > gone for row in rows):
+                return []  # somebody else has started it, and it has its time to come up
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
         text = f"{topics}: {node} did not come back in time."
-        return [Log(Level.WARN, text), *self.kills.order(KillNode(node, own[0].topic))]
+        accused = [case.accusations[each.name] for each in own]
+        order = KillNode(node, own[0].topic, if_dead=not any(map(self._stands, own, accused)))
+        for each in accused if order.if_dead else ():  # it is judged again if it runs
+            each.kind, each.fate = Kind.NODE_GONE, Fate.OPEN
+        return [Log(Level.WARN, text), *self.kills.order(order)]
 
     def forgive(self, node: str, wholly: bool = False) -> None:
         """Forget the relapses of a node; `wholly`: how often it was started again, too."""
@@ -435,8 +454,7 @@ class Nodes:
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
-        case = self._cases.setdefault(record.node, Case())
-        self._trust(record.node, case, record.trust)
+        self._trust(record.node, self._cases.setdefault(record.node, Case()), record.trust)
 
     def _trust(self, node: str, case: Case, trust: Trust) -> None:
         if trust == case.trust:
@@ -449,7 +467,6 @@ class Nodes:
     def validate(self) -> None:
         """Raise ShsaError if a node is to be killed, and nothing will happen."""
         for node, case in self._cases.items():
-            accused = case.accusations.values()
-            killed = any(each.fate is Fate.KILLED and not each.back for each in accused)
-            if killed and not self.kills.under_way(node):
+            killed = (e.fate is Fate.KILLED and not e.back for e in case.accusations.values())
+            if any(killed) and not self.kills.under_way(node):
                 raise ShsaError(f"{node} is to be killed, and nothing will ever happen")

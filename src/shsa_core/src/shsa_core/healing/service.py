@@ -211,18 +211,23 @@ class ServiceMachine:
     # The node that is blamed: its kill goes on, it comes back, or it is judged again.
 
     def heed(self, kill: KillOver) -> List[Command]:
-        """Go on by how the kill of the faulty node has ended."""
-        if kill.outcome is Outcome.SPARED or self.spec.topic in kill.failing:
-            # It may be killed for its silence, or for what its next life has done.
-            accused, plan = self.accusation, self.substitute.plan
-            judged = [] if accused.back else self.judge(accused, plan)
-            return [*judged, *self.step(), *self.changed(), *self.replan()]
-        if kill.outcome is Outcome.GONE:
+        """Go on by how the kill of the faulty node has ended; by then it may do well."""
+        fails = self.spec.topic in kill.failing
+        if kill.outcome is Outcome.GONE and not fails:
             return self._killed(kill) + self.changed()
+        if kill.outcome is Outcome.SPARED or fails:
+            # It may be killed for its silence, or for what its next life has done.
+            commands: List[Command] = [] if fails or self.refuses else self.changed()
+            if not self.accusation.back:
+                commands += self.judge(self.accusation, self.substitute.plan)
+            return [*commands, *self.step(), *self.replan()]
         over = kill.outcome in (Outcome.UNSURE, Outcome.ANOTHER, Outcome.PROTECTED)
         said = self.log(f"{kill.told}.", Level.ERROR if over else Level.WARN)
-        commands: List[Command] = [said, *self.step(detail=said.text)]
-        return commands + self.replan() + self.changed() if over else commands
+        commands = [said, *self.step(detail=said.text)] if kill.news else []
+        if self.accusation.kind is Kind.REQUESTED and self.state is not State.RETURNING:
+            return [*commands, *self.fire(Trigger.REPLAN)]
+        commands += self.replan() if over else []
+        return commands if self.refuses else commands + self.changed()
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
         """Try to start the faulty node again, if it may be, and is not back by other means."""
@@ -235,7 +240,7 @@ class ServiceMachine:
     def _killed(self, event: KillOver) -> List[Command]:
         """Note that the faulty node is gone; name whoever starts it while it is kept out."""
         kept_out = self.nodes.kept_out(event.node)
-        if self.state is not State.RETURNING and not kept_out:
+        if not kept_out:
             self.start_node()
         commands: List[Command] = []
         count, text = self.nodes.refusals(event.node), ""

@@ -47,10 +47,11 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
 
 
 def replan(service: ServiceMachine, _: Failure) -> List[Command]:
-    """Heal by what is known now; what was asked for is over if the node turns out protected."""
-    commands, incident, accused = repair.heal(service), service.incident, service.accusation
-    protected = accused.kept and accused.node in service.robot.health.protected
-    if incident.kind is Kind.REQUESTED and protected and incident.killed is None:
+    """Heal by what is known now; what was asked for is over if the node goes on."""
+    accused, killed = service.accusation, service.incident.killed
+    asked = accused.kind is Kind.REQUESTED and killed is None
+    commands = [] if asked and accused.fate is Fate.NONE else repair.heal(service)
+    if asked and accused.fate in (Fate.NONE, Fate.KEPT):
         commands += leave(service)
     return commands
 
