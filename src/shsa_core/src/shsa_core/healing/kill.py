@@ -183,7 +183,7 @@ class Kills:
         return [self._find(time, node, order.topic)]
 
     def handle(self, event: KillEvent, speaks: bool = False, refused: bool = False) -> List[Said]:
-        """Go on with a kill of a node that `speaks` again; `refused`: it is ended as it comes up."""
+        """Go on with the kill of one that `speaks` again; `refused`: it is ended as it comes up."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
         if kill is None:
             return []
