@@ -31,7 +31,7 @@ from shsa_core.model.cost import Host
 from shsa_core.model.health import PublisherState
 from shsa_core.model.kinds import Contain, Kind, Policy, Standby
 from shsa_core.model.ontology import Ontology, Property
-from shsa_core.model.service import LastResort, Provision, Service
+from shsa_core.model.service import LastResort, Service
 from shsa_core.model.som import Som
 
 
@@ -96,16 +96,13 @@ def test_a_node_that_was_never_good_is_kept_though_it_could_be_replaced() -> Non
     assert last_incident(robot.back(12.0)).state is State.RETURNING
 
 
-@pytest.mark.parametrize(
-    "kind, values, killed",
-    [("out_of_range", 1, True), ("out_of_range", 2, False), ("rate_high", 1, False)],
-)
-def test_a_topic_that_nothing_replaces_is_kept_for_what_is_good_in_it(
-    kind: str, values: int, killed: bool
-) -> None:
-    provides = tuple(Provision(name, "data") for name in "ad"[:values])
-    robot = Robot(changed(SOM, "a", provides=provides), Ontology(BOTH.properties, {}, []))
-    assert has(robot.fail("/a", A, 10.0, kind), events.FindNode) is killed
+@pytest.mark.parametrize("kind", ["out_of_range", "not_a_number", "stale_stamp", "rate_high"])
+def test_a_node_that_nothing_replaces_is_kept_as_it_may_be_good_again(kind: str) -> None:
+    robot = Robot(Som([service("a", A, needed=True)]))
+    incident = last_incident(robot.fail("/a", A, 10.0, kind))
+    assert incident.state is State.KEPT and "nothing can replace /a" in incident.decision
+    assert not has(robot.said, events.FindNode)
+    assert last_incident(robot.back(12.0)).state is State.RETURNING
 
 
 def test_a_kept_node_is_judged_again_when_the_world_changes() -> None:
@@ -205,14 +202,12 @@ def test_a_silent_node_that_nothing_can_replace_is_not_killed() -> None:
     assert last_incident(robot.back(15.0)).state is State.RETURNING
 
 
-def test_a_babbling_node_without_a_substitute_is_killed_if_it_does_nothing_else() -> None:
-    robot = Robot(Som([service("a", A, needed=True)]))
+@pytest.mark.parametrize(
+    "resort", [LastResort(command=("stop",)), LastResort(values=(("a", 0.0),))]
+)
+def test_a_wrong_node_is_ended_for_the_last_resort_of_its_topic(resort: LastResort) -> None:
+    robot = Robot(Som([replace(service("a", A, needed=True), last_resort=resort)]))
     assert only(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode).node == A
-    assert last_incident(robot.said).state is State.UNHEALED
-    useful = Robot(Som([service("a", A, needed=True), service("b", A)]))
-    incident = last_incident(useful.fail("/a", A, 10.0, "out_of_range"))
-    assert incident.state is State.KEPT and "it still publishes /b" in incident.decision
-    assert not has(useful.said, events.FindNode)
 
 
 def test_what_a_running_substitute_reads_is_a_cost() -> None:

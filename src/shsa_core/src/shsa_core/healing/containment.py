@@ -8,7 +8,7 @@ from shsa_core.healing.robot import Robot
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import BY_CLOCK, Contain, Kind, Policy
-from shsa_core.model.service import Service
+from shsa_core.model.service import LastResort, Service
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Stakes:
             replaced,
             tuple(sorted(self._costs(service, node, published))),
             self._health.duties.get(node, ()),
-            bool(service.last_resort.command),
+            service.last_resort != LastResort(),
             self._health.was_good((service.topic, node), warm),
             service.gated,
             bool(self._robot.host_of(node)),
