@@ -202,7 +202,7 @@ class Frame(Check):
 
 class Length(Check):
     kind, sample, default, usual = Kind.LENGTH, samples.FormSample, True, True
-    tells = "an array, of which a value is read, is shorter than in all of the first 50 messages"
+    tells = "an array of numbers or names is shorter than in all of the first 50 messages"
 
     def judge(self, sample: samples.FormSample) -> Optional[str]:
         found, usual = sample.found, sample.usual

@@ -45,13 +45,12 @@ class Decoder:
         self.has_stamp: bool = self._class._has_header
         layout = message_types.layout_of(self._class)
         # What is counted may vary, and an array of messages has as many as there are to be seen.
-        read = " ".join(each for each in fields if not each.startswith("count("))
         plain = (name for name, kind in layout.items() if re.fullmatch(r"\w+\[\]", kind))
-        self._arrays = [name for name in plain if re.search(rf"\b{name}\b", read)]
+        self._arrays = [name for name in plain if f"count({name})" not in fields]
         self._frames = FRAMES[not self.has_stamp : 1 + ("child_frame_id" in layout)]
 
     def form(self) -> Parts:
-        """Return the frames in the message that was read last, and the lengths of arrays read."""
+        """Return the frames in the message that was read last, and how long its arrays are."""
         frames = ((name, attrgetter(name)(self._message)) for name in self._frames)
         return (*frames, *((name, len(getattr(self._message, name))) for name in self._arrays))
 
