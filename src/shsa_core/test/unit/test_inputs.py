@@ -18,6 +18,7 @@ from shsa_msgs.msg import Float64Stamped
 from std_msgs.msg import Float64, String
 
 from shsa_core.model.service import Signal
+from shsa_core.monitoring.events import Disconnected
 from shsa_core.ros.processes import priority
 from shsa_core.ros.inputs import Inputs
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
@@ -291,6 +292,13 @@ def test_of_who_is_gone_nothing_is_kept_for_later(bench: Bench) -> None:
         wait_until(is_gone, 10.0, "it is gone")
     bench.take()
     assert list(bench.inputs._newest) == [("/in", "/one_of/in")], "this is read soon"
+    bench.inputs._newest["/plan", "/event"] = [0.0, bench.inputs._newest["/in", "/one_of/in"][1]]
+    for certain in (False, True):  # who is cut off says an event no second time
+        gone = Disconnected(5.0, "/plan", "/event", certain)
+        setattr(bench.inputs._subscriptions, "read", Mock(return_value=[gone]))
+        bench.take()
+        assert (("/plan", "/event") in bench.inputs._newest) is not certain
+    setattr(bench.inputs._subscriptions, "read", list)
     assert values(bench.take(reads=True)) == [("/in", 1.0)]
 
 

@@ -65,3 +65,12 @@ def test_a_latency_that_grows_as_of_a_queue_that_fills_is_found() -> None:
     for number in range(50 * 40):
         bench.stream(1, age=0.01 + number * 0.02 * PERIOD)
     assert bench.kinds() == [(NODE, "stale_stamp")]
+
+
+@pytest.mark.parametrize("every", [12, 15])
+def test_stamps_that_are_old_now_and_then_from_the_start_are_usual(every: int) -> None:
+    bench = connected()
+    for number in range(3000):
+        bench.wait(PERIOD)
+        bench.message(1.0 + 0.01 * (number * 7 % 5), age=0.6 if number % every == 3 else 0.0)
+    assert bench.kinds() == []

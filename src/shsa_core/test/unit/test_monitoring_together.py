@@ -82,7 +82,7 @@ def test_an_event_of_long_ago_excuses_nobody() -> None:
 def test_who_failed_long_ago_excuses_nobody(hangs: bool) -> None:
     bench = robot(named("a"), named("b"))
     stream(bench, 2.0, {"a": 1e6, "b": 1.0})
-    stream(bench, 5.0, {"b": 1.0} if hangs else {"a": 1e6, "b": 1.0})
+    stream(bench, 12.0, {"b": 1.0} if hangs else {"a": 1e6, "b": 1.0})
     assert bench.kinds() == [("/a_n", "out_of_range")]
     assert blames_b(bench) if hangs else blames_b(bench, "a")
 
@@ -91,6 +91,19 @@ def test_who_failed_first_of_what_befell_both_excuses_the_other() -> None:
     bench = robot(named("a"), named("b"))
     stream(bench, 0.2, {"a": 1e6, "b": 1.0})
     assert bench.kinds() == [("/a_n", "out_of_range")] and not blames_b(bench, "a")
+
+
+def test_what_reaches_a_second_sensor_later_befell_both() -> None:
+    bench = robot(named("a"), named("b"))
+    stream(bench, 2.0, {"a": 1e6, "b": 1.0})
+    assert not blames_b(bench, "a")
+
+
+def test_a_node_that_was_killed_for_it_excuses_nobody() -> None:
+    bench = robot(named("a"), named("b"))
+    stream(bench, 0.5, {"a": 1e6, "b": 1.0})
+    bench.disconnect("/a_n", "/a")
+    assert blames_b(bench)
 
 
 # Rates
@@ -107,3 +120,17 @@ def test_nodes_that_are_always_slow_excuse_nobody_who_becomes_so() -> None:
             if number % every == 0:
                 bench.message(node="/c_n", topic="/c")
     assert bench.kinds() == [("/c_n", "rate_low")]
+
+
+def test_of_nodes_that_load_reaches_one_after_the_other_the_last_is_excused() -> None:
+    bench = robot(*map(named, "abc"))
+    slow = {"a": (3.0, 0.75), "b": (6.0, 0.75), "c": (9.0, 0.5)}
+    due = dict.fromkeys(slow, 0.0)
+    for quarter in range(round(40.0 / PERIOD) * 4):
+        bench.wait(PERIOD / 4)
+        for name, (begins, pace) in slow.items():
+            time = quarter * PERIOD / 4
+            if time >= due[name] - 1e-9:
+                due[name] += PERIOD / (pace if time >= begins else 1.0)
+                bench.message(node=f"/{name}_n", topic=f"/{name}")
+    assert bench.kinds() == []

@@ -29,7 +29,8 @@ class _Original:
         limits = [float(check.limit) for check in checks.each if isinstance(check, RateHigh)]
         self._rate = limits[0] / service.period if service.period and limits else math.inf
         self._tokens, self._time = settings.BURST, -math.inf
-        self.heard, self.stamp = -math.inf, 0  # its last good message
+        self.came = self.heard = -math.inf
+        self.stamp = 0  # its last good message
 
     def begin_anew(self) -> None:
         """Hold nothing against it that another process did."""
@@ -160,7 +161,10 @@ class Gate:
         stamp = event.message.stamp
         ahead = self._substitutes_stamp - stamp
         replaced = stamp != 0 and 0 <= ahead < settings.CLOCK_SET_NS
-        original.heard, original.stamp = event.time, stamp
+        steady = event.time - original.came <= self._periods(settings.LATE)
+        original.came = event.time
+        if steady or not replaced:  # what one held that hung tells of the past
+            original.heard, original.stamp = event.time, stamp
         if self._muted or replaced or not original.is_in_turn(event.time):
             return said
         self._filling = False

@@ -225,6 +225,20 @@ def test_who_stamps_earlier_than_a_substitute_that_spoke_first_is_heard(standby_
     assert 2.0 in stand.values() and stand.values()[-20:] == [1.0] * 20
 
 
+def test_what_a_node_held_that_hung_makes_no_substitutes_stamps_late(stand: Stand) -> None:
+    now = lambda: round((stand.time + 100.0) * NS)
+    stand.substitute()
+    for i in range(200):
+        begin = stand.time
+        if i < 50 or i == 95:  # one more comes after 0.9 s
+            stand.message(1.0, stamp=now() if i < 50 else round((50 * PERIOD + 100.0) * NS))
+        stand.until(begin + 0.4 * PERIOD)
+        stand.message(2.0, SUBSTITUTE, stamp=now())
+        stand.until(begin + PERIOD)
+    ages = [at + 100.0 - each.stamp / NS for at, each in stand.heard if each.stamp]
+    assert len(ages) > 100 and max(ages[-90:]) < 0.1
+
+
 def test_a_substitutes_stamp_is_no_newer_than_that_of_the_missing_message(stand: Stand) -> None:
     lag = 5 * round(PERIOD * NS)
     stand.message(1.0, stamp=100 * NS)

@@ -150,19 +150,20 @@ class Stakes:
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:
-            may_speak = not row.has_failed or row.kind in MISSED
-            if service.needed and service.name != failed.name and may_speak:
-                if not self._remains(service, doomed):
-                    lost.add(service.topic)
+            if (
+                service.needed
+                and service.name != failed.name
+                and not self._remains(service, doomed)
+            ):
+                lost.add(service.topic)
             if row.is_well:
                 lost.update(self._relying(service, doomed))
         # What goes with a node that is being killed was to be replaced, perhaps by this one.
         for other in sorted(others):
             for service, row in self._published(other):
-                promised = service.needed and row.is_well
+                promised = service.needed and row.is_well and self._remains(service, others)
                 if promised and not self._remains(service, doomed):
-                    if self._remains(service, others):
-                        lost.add(service.topic)
+                    lost.add(service.topic)
         return lost
 
     def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:

@@ -77,10 +77,7 @@ class Core:
 
     def ask_all(self, names: Iterable[str], ask: Ask) -> List[Command]:
         """Have some services decide."""
-        commands: List[Command] = []
-        for name in list(names):
-            commands += self.ask(name, ask)
-        return commands
+        return [command for name in list(names) for command in self.ask(name, ask)]
 
     def _kill_over(self, kill: KillOver) -> List[Command]:
         self.unsettle_node(kill.node)

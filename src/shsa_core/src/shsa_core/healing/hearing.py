@@ -15,7 +15,6 @@ from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import Key, PublisherHealth
 from shsa_core.model.kinds import Kind, OnPartition
 from shsa_core.model.log import Level
-from shsa_core.model.service import Service
 
 
 def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
@@ -26,7 +25,10 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     robot = core.robot
     topic, publisher = event.topic, event.publisher
     served = core.processes.served(publisher)
-    service = _service_of(core, event, served)
+    substituted = _substituted(core, topic, served) if served else ()
+    named = event.service or (substituted[0] if substituted else "")
+    som = robot.som
+    service = som.services.get(named) if named else som.service_of(topic, publisher)
     if service is None:
         return []
     name = service.name
@@ -53,14 +55,6 @@ def failed(core: Core, event: FailureSeen, told: bool = False) -> List[Command]:
     return core.ask(name, lambda each: each.failed(event))
 
 
-def _service_of(core: Core, event: FailureSeen, served: Tuple[str, ...]) -> Optional[Service]:
-    som = core.robot.som
-    substituted = _substituted(core, event.topic, served) if served else ()
-    if event.service or substituted:
-        return som.services.get(event.service or substituted[0])
-    return som.service_of(event.topic, event.publisher)
-
-
 def _substituted(core: Core, topic: str, served: Tuple[str, ...]) -> Tuple[str, ...]:
     """Return the services of a topic that the substitutes in a process work for."""
     services = core.robot.som.services
@@ -76,7 +70,7 @@ def health_seen(core: Core, event: HealthSeen) -> List[Command]:
     return _changed(core, *core.robot.health.heed(event))
 
 
-def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -> List[Command]:
+def _changed(core: Core, keys: Iterable[Key], failures: List[FailureSeen]) -> List[Command]:
     robot = core.robot
     commands: List[Command] = []
     concerned: Dict[str, None] = {}
@@ -92,7 +86,6 @@ def _changed(core: Core, keys: Iterable[Key], failures: Iterable[FailureSeen]) -
             accusers = core.nodes.accusers(publisher)
             judged.update((name, None) for name in accusers if name in robot.indexes.kept)
             commands += acquaint(core, publisher, robot.health.row((topic, publisher)))
-    failures = list(failures)
     if failures:
         commands += core.settle()  # what has failed as well is no input
     for failure in failures:

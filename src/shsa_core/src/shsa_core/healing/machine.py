@@ -315,6 +315,7 @@ class Reconfigurator:
         ours = event.node in self.robot.restarted
         self.robot.restarted.discard(event.node)
         self.robot.abandoned.add(event.node)
+        self.robot.health.startable.discard(event.node)
         return [events.StopNode(event.node)] if ours else []
 
     def _process_exited(self, event: events.ProcessExited) -> List[Command]:

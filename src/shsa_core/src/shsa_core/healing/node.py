@@ -161,18 +161,21 @@ class Nodes:
 
     def _restarts(self, service: Service, accusation: Accusation) -> bool:
         """Tell that a node is started again once it is killed."""
-        node = accusation.node
-        restarts = service.policy.restarts and node == service.node and self._may_restart(node)
+        node, trust = accusation.node, self._cases[accusation.node].trust
+        used_up = trust.exhausted or trust.restarts >= self._settings.node_restarts
+        restarts = service.policy.restarts and node == service.node and not used_up
         if service.event_driven and accusation.silent:
             sure = accusation.spared or accusation.kind is not Kind.SILENT
             # Else it need not say a thing: only a connection was lost, or a link.
             restarts &= sure and not self._robot.host_of(node)
-        return restarts and node in self._health.startable
+        return restarts and node in self._health.startable and not self.kept_out(node)
 
     def _stands(self, service: Service, accused: Accusation) -> bool:
         """Tell that a kill that waits is still to be, or one that was in vain."""
         again = accused.fate is Fate.NONE or self._restarts(service, accused)
-        return self.stakes.verdict(service, accused.node, accused.kind, True, again).kill
+        replaced = not accused.excuse or service.name not in self._robot.indexes.stuck
+        again &= replaced
+        return self.stakes.verdict(service, accused.node, accused.kind, replaced, again).kill
 
     @staticmethod
     def _order(service: Service, accusation: Accusation) -> KillNode:
@@ -192,7 +195,8 @@ class Nodes:
     def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill; one for silence alone spares a node that speaks as it is found."""
         node, held = event.node, [e for e in self._held(event.node).values() if not e.kept]
-        heard = [e.kind in QUIET and self._health.healthy((e.topic, node)) for e in held]
+        well = [self._health.healthy((e.topic, node)) for e in held]
+        heard = [(e.back or e.kind in QUIET) and w for e, w in zip(held, well)]
         case, speaks = self._cases.get(node), bool(held) and all(heard)
         refused = case is not None and case.refusals > 0
         return self._outcomes(self.kills.handle(event, speaks, refused))
@@ -257,10 +261,14 @@ class Nodes:
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
+        case = self._cases.get(node)
+        refused = case is not None and case.refusals > 0
         held = self._held(node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
-            each.fate = Fate.OPEN if each.topic in kill.failing else each.fate
+            row = self._health.row((each.topic, node))
+            if each.topic in kill.failing and row:
+                each.fate, each.kind = Fate.OPEN, row.kind or Kind.OTHER
         if kill.outcome is not Outcome.GONE:  # what it is kept for goes on as before
             accusations = [e for e in accusations if not e.kept or e.kind is Kind.NODE_GONE]
         if kill.outcome is Outcome.UNREACHED and not host:
@@ -270,7 +278,7 @@ class Nodes:
                 if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
                     each.kind, each.spared = Kind.SILENT, True  # it lost its connection, but runs
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            if any(each.fate is not Fate.NONE for each in held):  # not let in after all
+            if refused or any(each.fate is not Fate.NONE for each in held):  # not let in after all
                 self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
@@ -337,7 +345,7 @@ class Nodes:
         """Return what an incident shows of the node that it blames."""
         return {
             "restarts": self.trust_in(accusation.node).restarts,
-            "kept_out": self.kept_out(accusation.node),
+            "kept_out": self.kept_out(accusation.node) and not accusation.kept,
             "kept": accusation.kept,
             "decision": accusation.decision,
         }
@@ -345,11 +353,6 @@ class Nodes:
     def trust_in(self, node: str) -> Trust:
         """Return how far a node is trusted, and how often it was started again."""
         return self._cases[node].trust
-
-    def _may_restart(self, node: str) -> bool:
-        trust = self._cases[node].trust
-        used_up = trust.exhausted or trust.restarts >= self._settings.node_restarts
-        return not used_up and not self.kept_out(node)
 
     def awaited(self, node: str) -> bool:
         """Tell that a node is to be started, or to come up."""

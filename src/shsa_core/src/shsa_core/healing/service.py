@@ -154,10 +154,9 @@ class ServiceMachine:
             if gone and dying and incident.state is not State.RETURNING:
                 self.accusation.kind = event.kind  # its process may take a while longer
                 return []
-            if self.refuses and (gone or dying) and not self.accusation.kept:
-                return []  # it came back, and is killed for that
-            if event.time <= (incident.killed or -math.inf):
-                return []  # that process is gone
+            refused = self.refuses and (gone or dying) and not self.accusation.kept
+            if refused or event.time <= (incident.killed or -math.inf):
+                return []  # it came back and is killed for that, or that process is gone
         if incident.state is State.WELL:
             well = (row.publisher for row in self.originals if row.is_well)
             others = [each for each in well if each != node and each not in self.robot.health.dying]
@@ -217,7 +216,8 @@ class ServiceMachine:
             return self._killed(kill) + self.changed()
         if kill.outcome is Outcome.SPARED or fails:
             # It may be killed for its silence, or for what its next life has done.
-            commands: List[Command] = [] if fails or self.refuses else self.changed()
+            out = self.refuses and kill.node not in self.robot.health.protected
+            commands: List[Command] = [] if fails or out else self.changed()
             if not self.accusation.back:
                 commands += self.judge(self.accusation, self.substitute.plan)
             return [*commands, *self.step(), *self.replan()]
@@ -231,7 +231,7 @@ class ServiceMachine:
 
     def restart_failed(self, event: RestartFailed) -> List[Command]:
         """Try to start the faulty node again, if it may be, and is not back by other means."""
-        if self._speaks_again():
+        if self.incident.killed is None or self._speaks_again():
             return []  # the word is late, or somebody else has started it
         self.start_node()
         text = f"{event.node} cannot be started again: {event.detail}."

@@ -11,7 +11,7 @@ from shsa_core.healing import events, hearing
 from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
-from shsa_core.healing.incident import WAITING, Incident, State, Trigger
+from shsa_core.healing.incident import WAITING, State, Trigger
 from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S
@@ -108,7 +108,10 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
 def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -> List[Command]:
     incident, row = record.incident, record.substitution
     if record.service not in core.robot.som.services:
-        return [] if incident is None else [_withdrawn(incident, event.time)]
+        if incident is not None and incident.ended is None:
+            why = f"{incident.service} is not in the SOM any more."
+            incident = replace(incident, state=State.ENDED, ended=event.time, detail=why)
+        return [] if incident is None else [ShowIncident(incident)]
     robot = core.robot
     if incident is not None and incident.last_good is not None:
         robot.health.templates.setdefault((incident.topic, incident.faulty_node), b"")
@@ -177,10 +180,3 @@ def _set_timer(service: ServiceMachine) -> None:
         service.timers[Trigger.REPLAN] = now + ANSWER_S
     if state in WAITING:
         service.timers[Trigger.RETRY] = now + START_S
-
-
-def _withdrawn(incident: Incident, time: float) -> Command:
-    if incident.ended is None:
-        why = f"{incident.service} is not in the SOM any more."
-        incident = replace(incident, state=State.ENDED, ended=time, detail=why)
-    return events.ShowIncident(incident)

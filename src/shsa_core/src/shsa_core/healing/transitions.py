@@ -64,7 +64,8 @@ def still_failing(service: ServiceMachine, failure: Failure) -> List[Command]:
     former = service.incident.faulty_node
     accusation = nodes.accuse(service.spec, node, failure.kind)
     if node != former:
-        commands += service.judge(accusation, repair.search(service)[0])
+        replaced = node != service.spec.node  # the node of the SOM is to give it
+        commands += service.judge(accusation, repair.search(service)[0], replaced)
         if not (accusation.kept and accusation.heard):  # it is killed, or silent
             nodes.acquit(service.spec, node)
             return commands
@@ -138,7 +139,9 @@ def hold_off(service: ServiceMachine, _: Failure) -> List[Command]:
     service.timers[Trigger.STEADY] = robot.time + length
     text = f"{incident.topic}: {row.publisher} is back."
     said = Log(Level.INFO, f"{text} It must stay healthy for {length:g} s.")
-    return [said, *service.step(state=State.RETURNING, returned=row.since, detail=text)]
+    another = row.publisher != incident.faulty_node
+    judged = service.judge(service.accusation, replaced=True) if another else []
+    return [said, *judged, *service.step(state=State.RETURNING, returned=row.since, detail=text)]
 
 
 def end(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -199,11 +202,10 @@ def _rows() -> Iterable[Tuple[State, Trigger, Action, Tuple[State, ...]]]:
         more = (healed,) if state in (healed, safe) else ()
         yield state, Trigger.FAILED, still_failing, (*_STUCK_OR_HEALING, *more)
         yield state, Trigger.REPLAN, replan, (*_STUCK_OR_HEALING, *more, well)
+        yield state, Trigger.RETURNED, hold_off, (returning,)
         if state in WAITING:
             yield state, Trigger.RETRY, repair.retry, (*_STUCK_OR_HEALING, *more)
     yield kept, Trigger.SUBSTITUTE_FAILED, show, (kept,)
-    for state in (healing, healed, unhealed, safe, kept):
-        yield state, Trigger.RETURNED, hold_off, (returning,)
 
     yield returning, Trigger.FAILED, failed_again, (healed, *_STUCK_OR_HEALING)
     yield returning, Trigger.SUBSTITUTE_FAILED, show, (returning,)

@@ -26,6 +26,8 @@ SHORT_SHARE = 0.5
 So it is with what the threads of one node wait together: at 0.6 of its rate one waited for 0.9."""
 TOGETHER_NODES = 3
 """So many nodes that are late at the same time are late for one reason."""
+TOGETHER_S = 10.0
+"""Nodes that fail one after the other within this may do so for one reason, as load is."""
 MISSED_PERIODS = 1.5
 """A publisher that is silent for so many periods has missed a message."""
 SLOW_PACE, FULL_PACE = 0.8, 0.9
@@ -46,9 +48,9 @@ LEARN_MESSAGES = 200
 # Stamps.
 AGES = 50
 """So many messages tell how old stamps usually are, which frames they name, how long arrays are."""
-AGE_FOLLOWS = 2e-4
-"""The usual age follows by so much a second: clocks drift apart by less, queues fill by more."""
-AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS, AGE_SHARE = 0.5, 10.0, 3.0, 0.9
+AGE_FOLLOWS = 6e-4
+"""The usual age follows by so much a second: ntpd sets a clock by 5e-4, and queues fill by more."""
+AGE_LEAST_S, AGE_PERIODS, AGE_SPREADS, AGE_SHARE = 0.5, 10.0, 3.0, 0.96
 """A stamp may differ by this, by so many periods or by so many times what this share did at most
 while learning, whichever is most. A clock that changes by half of the first from one look to the
 next was set, and with more between two clocks stamps of one tell little on the other."""

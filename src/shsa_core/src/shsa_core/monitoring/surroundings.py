@@ -6,7 +6,6 @@ from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Set, Tuple
 
 from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.model.kinds import Kind
-from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.monitoring import settings
 from shsa_core.monitoring.alibis import Case, decide
 from shsa_core.monitoring.board import FAILED, Board
@@ -78,16 +77,17 @@ class Surroundings:
             slow = (p for p in self._board.all() if p.is_healthy and p.is_slow)
             self._slow = [(p.name, p.evidence.rate.was_full + p.evidence.rate.span) for p in slow]
         # Those that were slow long before it are so for another reason.
-        since = rate.was_full - rate.span if kind is Kind.RATE_LOW else -inf
+        since = rate.was_full - settings.TOGETHER_S if kind is Kind.RATE_LOW else -inf
         slow_with = {name for name, began in self._slow if began >= since}
         return self._late(kind, _Gap(publisher.name, time - rate.span, time), len(slow_with))
 
     def range(self, publisher: Publisher, confirmed: bool) -> Case:
         """Return the case of a publisher with a value out of range; `confirmed`: by others."""
         causes, time = _wrong_with(publisher), self._board.now
-        outside = (p for p in self._board.all() if p.evidence.outside and p.speaks(time))
+        heard = (p for p in self._board.all() if p.connected and p.speaks(time))
+        outside = (p for p in heard if p.evidence.outside)
         # Who failed long before it was good last has a reason of its own.
-        since = max(publisher.since, publisher.evidence.was_clean) - CHANGEOVER_S
+        since = max(publisher.since, publisher.evidence.was_clean) - settings.TOGETHER_S
         outside = (p for p in outside if p.state is not FAILED or p.since >= since)
         apart = [each for each in outside if causes.isdisjoint(_wrong_with(each))]
         return Case(Kind.OUT_OF_RANGE, time, time, together=1 + len(apart), confirmed=confirmed)

@@ -90,7 +90,7 @@ class Inputs:
                 events += self._arrived(happening)
             elif isinstance(happening, Disconnected):
                 gone = happening.topic, happening.publisher
-                if happening.topic not in self._read:
+                if happening.topic not in self._read and (happening.certain or happening.left):
                     self._newest.pop(gone, None)
                 if happening.topic in self._overheard:
                     events.append(OtherGone(happening.time, *gone))
