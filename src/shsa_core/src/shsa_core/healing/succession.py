@@ -114,7 +114,8 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
         return [] if incident is None else [ShowIncident(incident)]
     robot = core.robot
     if incident is not None and incident.last_good is not None:
-        robot.health.templates.setdefault((incident.topic, incident.faulty_node), b"")
+        template = b"" if row is None else row.template
+        robot.health.templates.setdefault((incident.topic, incident.faulty_node), template)
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back
