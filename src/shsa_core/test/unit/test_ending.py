@@ -19,6 +19,7 @@ from shsa_core.healing.events import FindNode, Where
 from shsa_core.ros.master.node_api import located, pid
 from shsa_core.ros.processes import kernel, local as ending
 from shsa_core.ros.processes.nodes import Nodes, protection
+from shsa_testing.processes import free_port
 from shsa_testing.waiting import wait_until
 from strange_nodes import HOST, NONSENSE, StrangeNode, value
 
@@ -33,8 +34,7 @@ Make = Callable[..., PlainNode]
 
 @pytest.fixture(scope="module")
 def master() -> "Iterator[subprocess.Popen[bytes]]":
-    with socket.create_server((HOST, 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     before = os.environ.get("ROS_MASTER_URI")
     os.environ["ROS_MASTER_URI"] = f"http://{HOST}:{port}"
     process = subprocess.Popen(["rosmaster", "--core", "-p", str(port)])

@@ -1,7 +1,9 @@
 """Processes that a test starts: found by the mark that they inherit, and ended with it."""
 import atexit
 import random
+import socket
 import subprocess
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any, List
 
@@ -41,6 +43,15 @@ def own_address() -> str:
     A master calls nodes that have died: the kernel gives their ports to others, if at that address.
     """
     return ".".join(["127", *(str(random.randint(1, 254)) for _ in range(3))])
+
+
+def free_port() -> int:
+    """Return a port that is free and stays so: the kernel gives those above it to nodes."""
+    while True:
+        port = random.randint(20000, 32000)
+        with suppress(OSError), socket.socket() as probe:
+            probe.bind(("", port))
+            return port
 
 
 def rosrun(package: str, executable: str, *arguments: str) -> "subprocess.Popen[bytes]":

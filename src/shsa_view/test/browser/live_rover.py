@@ -2,26 +2,18 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import urllib.request
 import uuid
 from pathlib import Path
 from typing import Any, Dict
 
-from shsa_testing.processes import marked
+from shsa_testing.processes import free_port, marked
 from shsa_testing.waiting import wait_until
 
 MARK = "SHSA_LIVE_PAGE"
 START_S = 90.0
 ENDING_S = 20.0
-
-
-def free_port() -> int:
-    """Return a TCP port that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class Rover:
