@@ -292,7 +292,7 @@ def test_of_who_is_gone_nothing_is_kept_for_later(bench: Bench) -> None:
         wait_until(is_gone, 10.0, "it is gone")
     bench.take()
     assert list(bench.inputs._newest) == [("/in", "/one_of/in")], "this is read soon"
-    bench.inputs._newest["/plan", "/event"] = [0.0, bench.inputs._newest["/in", "/one_of/in"][1]]
+    bench.inputs._newest["/plan", "/event"] = bench.inputs._newest["/in", "/one_of/in"]
     for certain in (False, True):  # who is cut off says an event no second time
         gone = Disconnected(5.0, "/plan", "/event", certain)
         setattr(bench.inputs._subscriptions, "read", Mock(return_value=[gone]))

@@ -13,7 +13,7 @@ from shsa_core.files.regular import written_by_others
 from shsa_core.language.syntax import NAMING, is_name
 from shsa_core.model.checks import LEARNED, Check, default_checks, default_limit
 from shsa_core.model.error import quality_of
-from shsa_core.model.field import is_angle, is_distance
+from shsa_core.model.field import is_distance
 from shsa_core.model.cost import Host
 from shsa_core.model.names import full_name
 from shsa_core.model.som import Som, differences
@@ -188,10 +188,9 @@ def _provisions(given: Mapping[str, Dict[str, Any]], message_type: str) -> Tuple
         if other != name:
             what = f"the field {keys['field']} provides {other} already; "
             errors.append(ModelError(keys["where"], what + "a field can provide one property"))
-        asked, field = keys.pop("checks", {}), keys["field"]
+        asked, distance = keys.pop("checks", {}), is_distance(message_type, keys["field"])
         keys.setdefault("quality", quality_of(keys.get("error")))
-        checks = default_checks(True, is_distance(message_type, field), asked, is_angle(field))
-        provisions.append(Provision(name, checks=checks, **keys))
+        provisions.append(Provision(name, checks=default_checks(True, distance, asked), **keys))
     if errors:
         raise ModelErrors(errors)
     return tuple(provisions)

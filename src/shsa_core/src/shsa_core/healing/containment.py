@@ -150,11 +150,8 @@ class Stakes:
         doomed = others | {node}
         lost: Set[str] = set()
         for service, row in published:
-            if (
-                service.needed
-                and service.name != failed.name
-                and not self._remains(service, doomed)
-            ):
+            counts = service.needed and service.name != failed.name
+            if counts and not self._remains(service, doomed):
                 lost.add(service.topic)
             if row.is_well:
                 lost.update(self._relying(service, doomed))

@@ -195,11 +195,9 @@ class Nodes:
     def heed(self, event: KillEvent) -> List[Command]:
         """Go on with a kill; one for silence alone spares a node that speaks as it is found."""
         node, held = event.node, [e for e in self._held(event.node).values() if not e.kept]
-        well = [self._health.healthy((e.topic, node)) for e in held]
-        heard = [(e.back or e.kind in QUIET) and w for e, w in zip(held, well)]
-        case, speaks = self._cases.get(node), bool(held) and all(heard)
-        refused = case is not None and case.refusals > 0
-        return self._outcomes(self.kills.handle(event, speaks, refused))
+        quiet = all(e.back or e.kind in QUIET for e in held)
+        speaks = quiet and all(self._health.healthy((e.topic, node)) for e in held)
+        return self._outcomes(self.kills.handle(event, bool(held) and speaks, self._refused(node)))
 
     def tick(self) -> List[Command]:
         """Let time pass: go on with kills and restarts, and learn which process a node is."""
@@ -261,8 +259,6 @@ class Nodes:
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
         node, host = kill.node, self._robot.host_of(kill.node)
-        case = self._cases.get(node)
-        refused = case is not None and case.refusals > 0
         held = self._held(node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
@@ -278,7 +274,9 @@ class Nodes:
                 if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
                     each.kind, each.spared = Kind.SILENT, True  # it lost its connection, but runs
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            if refused or any(each.fate is not Fate.NONE for each in held):  # not let in after all
+            if self._refused(node) or any(
+                each.fate is not Fate.NONE for each in held
+            ):  # not let in after all
                 self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:
@@ -454,6 +452,9 @@ class Nodes:
         """Return how often a node was refused, if that is to be told: ever more seldom; else 0."""
         count = self._cases[node].refusals
         return 0 if count & (count - 1) else count  # 1, 2, 4, 8, ...
+
+    def _refused(self, node: str) -> bool:
+        return node in self._cases and self._cases[node].refusals > 0
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""

@@ -3,7 +3,7 @@
 A new kind is one more class here, a constant in shsa_msgs/Failure and a word in `kinds`; a test
 holds the three together.
 """
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, isfinite
 from types import MappingProxyType
 from typing import Any, ClassVar, Dict, Iterable, Mapping, Optional, Tuple, Type, Union
@@ -99,16 +99,13 @@ class Stuck(Check):
         return f"{seen}, it must change within {self.limit:g} s"
 
 
-@dataclass(frozen=True)
 class Jump(Check):
     kind, sample, default, usual = Kind.JUMP, samples.ValueSample, None, None
     tells = "the value is further than this from the last good one, in the property's unit"
 
-    angle: bool = False  # it is as far as the shorter way round
-
     def judge(self, sample: samples.ValueSample) -> Optional[str]:
         before = sample.last_good
-        step = 0.0 if before is None else difference(sample.value, before, self.angle)
+        step = 0.0 if before is None else difference(sample.value, before, sample.angle)
         if before is None or not self.limit < abs(step) < inf:
             return None
         seen = f"{sample.name} went from {before:g} to {sample.value:g}"
@@ -262,7 +259,6 @@ def default_checks(
     of_values: bool,
     is_distance: bool = False,
     asked: Mapping[str, Optional[Limit]] = MappingProxyType({}),
-    angle: bool = False,
 ) -> Tuple[Check, ...]:
     """Return the checks of a value, or of a message, by default and as `asked`; None: off."""
     limits = [
@@ -270,8 +266,7 @@ def default_checks(
         for name, each in REGISTRY.items()
         if (each.sample in samples.OF_VALUE) is of_values
     ]
-    checks = (each(limit) for each, limit in limits if limit is not None)
-    return tuple(replace(c, angle=angle) if isinstance(c, Jump) else c for c in checks)
+    return tuple(each(limit) for each, limit in limits if limit is not None)
 
 
 def default_limit(kind: str, is_distance: bool = False) -> Optional[Limit]:

@@ -16,7 +16,7 @@ class ValueSample:
     """One value of a message: of which property, in its unit; `still`: s since it changed.
 
     `last_good`: the one before it that was. `run`: the messages that it came with in a row; `hold`:
-    how long it may, as learned, None: for ever.
+    how long it may, as learned, None: for ever. `angle`: it is one, in rad.
     """
 
     name: str
@@ -26,6 +26,7 @@ class ValueSample:
     last_good: Optional[float] = None
     run: int = 1
     hold: Optional[Hold] = None
+    angle: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from shsa_core.language.expression import Expression
 from shsa_core.language.temporal import Truth
 from shsa_core.model.checks import LONG_WINDOW, Check, Checks, Finding, Formula, OutOfRange, judge
 from shsa_core.model.kinds import Kind
+from shsa_core.model.field import is_angle
 from shsa_core.model.samples import FormSample, FormulaSample, RateSample, StampSample, ValueSample
 from shsa_core.model.service import Provision, Service
 from shsa_core.monitoring.events import Message
@@ -49,7 +50,7 @@ class _Value:
         self.name, self.field, self._range = provision.property, provision.field, provision.range
         self._usual, self._back = provision.usual, 0
         self.unusual = ""
-        self._checks = _checks_of(provision)
+        self._angle, self._checks = is_angle(provision.field), _checks_of(provision)
         key = provision.property, provision.field
         self._stillness = None if learned is None else learned.setdefault(key, Stillness())
         self.good: Optional[float] = None
@@ -66,7 +67,8 @@ class _Value:
         self._count(value, time, not failed)
         hold = None if self._stillness is None else self._stillness.allowed(value)
         still = time - self._began
-        sample = ValueSample(self.name, value, self._range, still, before, self._run, hold)
+        seen = self.name, value, self._range, still, before, self._run
+        sample = ValueSample(*seen, hold, self._angle)
         finding = judge(self._checks, sample)
         self.outside = sample if finding and finding.kind is Kind.OUT_OF_RANGE else None
         usual = hold is None or self._run <= hold.messages  # the time alone may let it off

@@ -4,7 +4,7 @@ Muted, most of it never matters: to wake for each message would be most of what 
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
 of what nobody reads yet the newest is kept, and decoded once somebody does.
 """
-from typing import Any, Dict, Iterable, List, Optional, Set, Tuple
+from typing import Dict, Iterable, List, Optional, Set, Tuple
 
 import rospy
 
@@ -33,7 +33,7 @@ class Inputs:
         self._fields: Dict[str, Tuple[str, ...]] = {}
         self._read: Set[str] = set()
         self._overheard: Dict[str, str] = {}  # by topic: whose message is kept
-        self._newest: Dict[Tuple[str, str], List[Any]] = {}  # since when one is kept, and which
+        self._newest: Dict[Tuple[str, str], Tuple[float, Arrived]] = {}  # since when one is kept
         self._last: Dict[str, Tuple[str, bytes]] = {}  # by topic: from whom, and what
 
     # From any thread.
@@ -127,7 +127,8 @@ class Inputs:
                 events += self._input(arrived.time, arrived)
             else:
                 key = topic, connection.publisher
-                self._newest.setdefault(key, [arrived.time, arrived])[1] = arrived
+                since, _ = self._newest.get(key, (arrived.time, arrived))
+                self._newest[key] = since, arrived
         return events
 
     def _other(self, arrived: Arrived) -> List[Event]:
