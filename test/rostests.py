@@ -16,7 +16,7 @@ from shsa_testing.thorough import LONG
 from shsa_testing.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT_S = 240.0
+TIMEOUT_S = 60.0  # s that a test may take whose file says nothing, by rostest
 LEAVING_S = 15.0  # s that processes may take to end after the test
 DUMP_S = 3.0
 MARK = "SHSA_ROSTEST"
@@ -30,7 +30,7 @@ SELDOM: Dict[str, str] = {
     "hot_hosts": "test_sharing.py",
 }
 """Rostests of `make test-long` alone, and what stands for each of them in `make test`."""
-LONGEST = 8000
+LONGEST = 40_000
 """The end of what a failed test has printed."""
 
 
@@ -43,6 +43,9 @@ def of_packages(*patterns: str) -> List[Path]:
 def check(path: Path) -> None:
     """Run a rostest, and see all that it started end. Raises AssertionError with what failed."""
     package = str(ElementTree.parse(str(path.parents[2] / "package.xml")).findtext("name"))
+    tests = ElementTree.parse(str(path)).iter("test")
+    # Before rostest ends what takes too long: then nobody can tell any more where it was stuck.
+    limit = sum(float(each.get("time-limit", TIMEOUT_S)) for each in tests)
     mark = uuid.uuid4().hex
     environment = {**os.environ, MARK: mark, "PYTHONFAULTHANDLER": "1"}
     environment["PATH"] = f"{ROOT / 'test' / 'programs'}:{os.environ['PATH']}"
@@ -61,7 +64,7 @@ def check(path: Path) -> None:
             env=environment,
         )
         try:
-            failed = _waited(done, mark)
+            failed = _waited(done, mark, limit)
         finally:
             for process in marked(MARK, mark):
                 process.kill()
@@ -71,12 +74,12 @@ def check(path: Path) -> None:
     assert not failed and done.returncode == 0, printed + failed
 
 
-def _waited(rostest: "subprocess.Popen[bytes]", mark: str) -> str:
+def _waited(rostest: "subprocess.Popen[bytes]", mark: str, limit: float) -> str:
     """Wait for a rostest, and for all that it started; what took too long, or nothing."""
     try:
-        rostest.wait(TIMEOUT_S)
+        rostest.wait(limit)
     except subprocess.TimeoutExpired:
-        return _stuck(mark, TIMEOUT_S)
+        return _stuck(mark, limit)
     try:
         wait_until(lambda: not marked(MARK, mark), LEAVING_S, "all have ended")
     except AssertionError:
