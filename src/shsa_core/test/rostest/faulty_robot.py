@@ -43,11 +43,6 @@ class FaultyRobot(unittest.TestCase):
 
     def setUp(self) -> None:
         self.began = time.monotonic()
-        self.incidents_before = {
-            topic: incident.id
-            for topic, incident in ((t, self.robot.latest(t)) for t in self.topics)
-            if incident is not None
-        }
         for node in self.nodes:
             wait_until(lambda: node_process(node) or not self.runs(node), 20.0, "it is up, or gone")
             if node_process(node) is None:
@@ -55,6 +50,8 @@ class FaultyRobot(unittest.TestCase):
         self.robot.await_available(*self.topics, seconds=40.0)
         publish = {each.name for each in self.processes}
         self.robot.await_verified(*publish.intersection(self.nodes))
+        latest = ((topic, self.robot.latest(topic)) for topic in self.topics)
+        self.incidents_before = {topic: each.id for topic, each in latest if each is not None}
 
     def runs(self, node: str) -> bool:
         """Return true if a process runs that was started as a node: it may be coming up."""
