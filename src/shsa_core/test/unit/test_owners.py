@@ -7,7 +7,8 @@ import psutil
 import pytest
 
 from plain_node import PlainNode
-from shsa_core.ros.master.node_api import Address, resolved
+from shsa_core.ros.master.node_api import Address, pid, resolved
+from shsa_core.ros.processes import nodes
 from shsa_core.ros.trust.owners import listener, listening, speaker
 
 HOST = "127.0.0.1"
@@ -73,3 +74,17 @@ def test_a_name_stands_for_one_address(monkeypatch: pytest.MonkeyPatch) -> None:
     assert resolved("http://robot:80/") == Address(HOST, 80)
     monkeypatch.setenv("ROS_IPV6", "on")
     assert resolved("http://robot:80/") == Address("2001:db8::1", 80)
+
+
+def test_who_ends_between_two_questions_is_dead_and_no_stranger(
+    node: PlainNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answered(at: object) -> int:
+        number = pid(at)
+        node.end()
+        return number
+
+    monkeypatch.setattr(nodes, "uri_of", lambda _: node.uri)
+    monkeypatch.setattr(nodes, "pid", answered)
+    known = nodes.Nodes().look("/driver")
+    assert known is not None and known.dead

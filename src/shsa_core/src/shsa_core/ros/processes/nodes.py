@@ -86,12 +86,14 @@ class Nodes:
         if not is_local(at):
             return Known(uri, None, at=at)
         try:
-            hint = pid(at)
+            process = listener(resolved(at), pid(at))
+            if process is None:
+                pid(at)  # it may have ended since it answered
         except ConnectionRefusedError:
             return Known(uri, None, dead=True)
-        except FAILURES:
-            hint = 0  # the kernel is asked all the same
-        return Known(uri, listener(resolved(at), hint), at=at)
+        except FAILURES:  # the kernel is asked all the same
+            process = listener(resolved(at), 0)
+        return Known(uri, process, at=at)
 
     def uri(self, node: str) -> str:
         """Return the address of a known node; empty: it has none now. Raises one of FAILURES."""
