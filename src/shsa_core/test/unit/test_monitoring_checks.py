@@ -200,11 +200,20 @@ def test_a_stranger_beside_the_soms_node() -> None:
 
 def test_a_stranger_becomes_known_when_the_som_names_it() -> None:
     bench = Bench()
+    bench.stream(50)
     both(bench, 2.0)
     assert bench.kinds() == [("/stranger", "unknown_publisher")]
     bench.watch(service(node="/stranger"))
     bench.stream(10, node="/stranger")
     assert bench.state("/stranger") == "healthy"
+
+
+def test_a_publisher_that_was_there_before_healing_is_named_and_not_blamed() -> None:
+    bench = Bench()
+    both(bench, 20.0)
+    assert bench.failures == [] and bench.state("/stranger") == "healthy"
+    (warning,) = bench.told
+    assert "name it in the SOM" in warning
 
 
 def test_substitutes_are_no_strangers() -> None:
@@ -313,6 +322,7 @@ def test_a_stranger_is_judged_by_any_service_of_its_topic() -> None:
         service(name="other", node="/other", checks=message_checks(strict)),
         settings=SETTINGS,
     )
+    bench.stream(50)
     both(bench, 1.0)
     assert bench.kinds() == [("/stranger", "unknown_publisher")]
     assert "for 0.5 s" in bench.failures[0].detail

@@ -100,6 +100,7 @@ def test_a_stranger_on_a_shared_topic_is_judged_by_nobodys_values() -> None:
 def test_a_stranger_on_a_shared_topic_that_intrudes_fails_and_may_be_named_later() -> None:
     once = message_checks(UnknownPublisher(0.5))
     bench = two_drivers(checks=once)
+    bench.stream(60, "/arm_driver", topic="/joint_states")
     for _ in range(60):
         bench.stream(1, "/arm_driver", topic="/joint_states")
         bench.message(node="/stranger", topic="/joint_states")
@@ -114,6 +115,7 @@ def test_a_stranger_on_a_shared_topic_that_intrudes_fails_and_may_be_named_later
 
 def test_a_stranger_whom_no_service_knows_recovers_by_the_usual_count() -> None:
     bench = two_drivers()
+    bench.stream(60, "/arm_driver", topic="/joint_states")
     for _ in range(60):
         bench.stream(1, "/arm_driver", topic="/joint_states")
         bench.message(node="/idle", topic="/joint_states")

@@ -237,6 +237,7 @@ def test_each_alibi_clears_of_what_it_says_and_ends() -> None:
         dict(confirmed=True),
         dict(together=2),
         dict(fed_badly=True),
+        dict(was_there=True),
         dict(robot_came=False),
     )
     for row, fact in zip(ROWS, facts):

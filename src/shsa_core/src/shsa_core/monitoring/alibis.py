@@ -28,6 +28,7 @@ class Case:
     together: int = 1  # nodes that are late, or out of range, with it, itself included
     confirmed: bool = False  # what others tell is as far out of range
     fed_badly: bool = False  # what it is computed from is at fault as well
+    was_there: bool = False  # it published before healing could hear it
     robot_came: bool = True  # some node of it was there, or was under a former monitor
 
 
@@ -49,6 +50,7 @@ class Row(NamedTuple):
 
 
 _SILENCE, _RANGE, _START = (Kind.SILENT,), (Kind.OUT_OF_RANGE,), (Kind.NEVER_PUBLISHED,)
+BY_SOM = (Kind.OUT_OF_RANGE, Kind.UNKNOWN_PUBLISHER)
 _LATE = (Kind.SILENT, Kind.RATE_LOW, Kind.STALE_STAMP, None)
 
 ROWS = (
@@ -100,6 +102,11 @@ ROWS = (
         lambda case: case.fed_badly,
     ),
     Row(
+        "it published before healing came: name it in the SOM, or end it",
+        (Kind.UNKNOWN_PUBLISHER,),
+        lambda case: case.was_there,
+    ),
+    Row(
         "nothing of the robot is there yet",
         _START,
         lambda case: not case.robot_came,
@@ -111,6 +118,6 @@ def decide(case: Case) -> Optional[Alibi]:
     """Return the first alibi that holds; None: the publisher is to blame."""
     for row in ROWS:
         if case.kind in row.clears and row.applies(case) and row.until(case) > case.now:
-            accuses_som = case.kind is Kind.OUT_OF_RANGE or not case.paced
+            accuses_som = case.kind in BY_SOM or not case.paced
             return Alibi(row.why, row.until(case), accuses_som)
     return None

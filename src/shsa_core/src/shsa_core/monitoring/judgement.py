@@ -17,6 +17,7 @@ from shsa_core.monitoring.alibis import Alibi, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.publishers import Publisher
+from shsa_core.monitoring.settings import RECONNECT_S
 from shsa_core.monitoring.surroundings import Surroundings
 
 LATE = (Kind.RATE_LOW, Kind.RATE_HIGH, Kind.STALE_STAMP)
@@ -110,7 +111,10 @@ class Judgement:
                 good, failure = False, contradicted
         intrusion = self._intrusion(publisher)
         if intrusion is not None:
-            good, failure = False, intrusion
+            excuse = self._alibi(publisher, intrusion)
+            alibi = alibi or excuse
+            if excuse is None:
+                good, failure = False, intrusion
         if failure is not None and (publisher.state is not FAILED or publisher.kind in QUIET):
             self._board.fail(publisher, failure.kind, failure.detail)
         notable = publisher.detail or publisher.suspicions or publisher.evidence.unusual
@@ -172,6 +176,10 @@ class Judgement:
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)
+        elif failure.kind is Kind.UNKNOWN_PUBLISHER:
+            case = replace(
+                case, was_there=publisher.since <= publisher.topic.heard_from + RECONNECT_S
+            )
         return decide(replace(case, fed_badly=self._is_fed_badly(publisher, failure.kind)))
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:

@@ -205,6 +205,7 @@ class WatchedTopic:
 
     name: str
     subscribed: bool = False  # who publishes it can be heard
+    heard_from: float = inf  # when that began, in s
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)

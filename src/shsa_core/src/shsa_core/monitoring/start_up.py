@@ -39,7 +39,7 @@ class StartUp:
 
     def subscribed(self, topic: WatchedTopic) -> None:
         """Give who publishes a topic its time from now on."""
-        topic.subscribed = True
+        topic.subscribed, topic.heard_from = True, self._board.now
         for watched in topic.services.values():
             watched.formerly = watched.formerly[0], self._board.now
             self._await(watched, self._due(watched))
