@@ -16,6 +16,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.agent import agent
 from shsa_core.ros.agent.all_hosts import AllHosts
 from shsa_core.ros.settings import QUEUE
+from shsa_core.ros.trust import signing
 
 Sent = List[Tuple[str, Any]]
 
@@ -107,10 +108,11 @@ def test_what_waits_for_an_agent_that_hangs_is_bounded(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: List[Any] = []
-    monkeypatch.setattr(rospy.Publisher, "__init__", lambda *what, **how: made.append(how))
+    monkeypatch.setattr(signing, "advertise", lambda *what: made.append(what))
     robot.hosts._signing = SimpleNamespace(signer=lambda *what: None)
     robot.hosts._host("pi")
-    assert 0 < made[0]["queue_size"] <= QUEUE
+    (_, _, size, _), *_ = made
+    assert 0 < size <= QUEUE
 
 
 def test_an_agent_goes_on_to_look_if_the_master_knows_it_after_an_error(

@@ -3,16 +3,22 @@
 And what a publisher sends to whom.
 """
 import io
+import socket
+import threading
 from typing import Any, Callable, List, Tuple
 
 import pytest
 import rospy
+from rospy.impl.registration import get_registration_listeners, get_topic_manager
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_pubsub import QueuedConnection, TCPROSPub
 from shsa_msgs.msg import Health, Substitution, Substitutions
 
 from shsa_core.ros import settings
 from shsa_core.ros.messages import tables
 from shsa_core.ros.messages.tables import TablePublisher, TableSubscriber
 from shsa_core.ros.wire.rows import own_rows
+from shsa_testing.waiting import wait_until
 
 
 class Trusting:
@@ -194,7 +200,7 @@ class Robot:
         impl = Impl()
         self._up = impl.connections
         publisher = type("Publisher", (), {"impl": impl})()
-        monkeypatch.setattr(tables.rospy, "Publisher", lambda *_, **__: publisher)
+        monkeypatch.setattr(tables, "advertise", lambda *_: publisher)
         monkeypatch.setattr(tables.rospy.Time, "now", staticmethod(rospy.Time))
         self.table = TablePublisher(
             "table",
@@ -262,3 +268,26 @@ def test_who_comes_back_begins_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     robot.substitutes[0].done = True
     again = robot.connect(robot.names[0])
     assert again.read[0].whole and again.read[0].began > robot.substitutes[0].read[0].began
+
+
+def test_who_connects_while_a_table_is_registered_is_sent_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The master tells subscribers of us before it answers us; rospy's listeners miss them."""
+    ours, theirs = socket.socketpair()
+    early = TCPROSTransport(TCPROSPub("/early", Substitutions), "/early")
+    early.set_socket(ours, "/reconfigurator")
+
+    def meanwhile(name: str, *_: object) -> None:
+        impl = get_topic_manager().get_publisher_impl(name)
+        threading.Thread(target=impl.add_connection, args=(early,)).start()
+        wait_until(lambda: impl.connections, 5.0, "it has connected")
+
+    monkeypatch.setattr(get_registration_listeners(), "notify_added", meanwhile)
+    monkeypatch.setattr(tables.rospy.Time, "now", staticmethod(rospy.Time))
+    table = TablePublisher("/early", Substitutions, "substitutions", lambda row: str(row.node))
+    with ours, theirs:
+        theirs.settimeout(5.0)
+        assert Substitutions().deserialize(theirs.recv(1000)[4:]).whole
+        assert isinstance(table._publisher.impl.connections[0], QueuedConnection)
+    table._publisher.unregister()

@@ -7,6 +7,8 @@ import rospy
 from shsa_msgs.msg import Incident, ServiceState, SomState, Substitution, Substitutions
 
 from shsa_core.ros import clock
+from shsa_core.ros.rospy_patches.subscribing import subscribe
+from shsa_core.ros.trust.signing import LARGEST_B
 from shsa_testing.graph import publishers
 from shsa_testing.waiting import wait_until
 
@@ -57,9 +59,10 @@ class HealedRobot:
         self._services: Dict[str, ServiceState] = {}
         self._lock = threading.Lock()
         shsa = f"{namespace}/shsa"
-        rospy.Subscriber(f"{shsa}/incidents", Incident, self._incident)
-        rospy.Subscriber(f"{shsa}/substitutions", Substitutions, self._substitutions_changed)
-        rospy.Subscriber(f"{shsa}/som_state", SomState, self._som_changed)
+        # A table comes whole as rospy connects, which may be before its subscriber calls back.
+        subscribe(f"{shsa}/incidents", Incident, self._incident, LARGEST_B)
+        subscribe(f"{shsa}/substitutions", Substitutions, self._substitutions_changed, LARGEST_B)
+        subscribe(f"{shsa}/som_state", SomState, self._som_changed, LARGEST_B)
 
     def _incident(self, incident: Incident) -> None:
         with self._lock:

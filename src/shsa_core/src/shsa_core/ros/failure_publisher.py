@@ -42,4 +42,4 @@ class FailurePublisher:
 
     def get_num_connections(self) -> int:
         """Return how many reconfigurators, and others, listen."""
-        return int(self._publisher.get_num_connections())
+        return int(self._publisher.publisher.get_num_connections())

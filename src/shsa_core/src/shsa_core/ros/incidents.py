@@ -39,7 +39,8 @@ class Incidents(rospy.SubscribeListener):
         self._fails = False
         self._open: Dict[str, Incident] = {}
         self._changed = threading.Condition()
-        self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, self)
+        with self._changed:  # whoever connects meanwhile is told by it
+            self._publisher = SignedPublisher(signing, names.INCIDENTS, msg.Incident, 100, self)
 
     def show(self, incident: Incident) -> None:
         """Publish a step of an incident; one that has ended is logged before."""

@@ -11,7 +11,7 @@ from shsa_core.message_types import message_class
 from shsa_core.model.field_value import Field
 from shsa_core.ros import settings
 from shsa_core.ros.messages.fields import read_message
-from shsa_core.ros.rospy_patches.publishing import connections_of, send
+from shsa_core.ros.rospy_patches.publishing import advertise, connections_of, send
 from shsa_core.substitution.composing import compose, normalize, quaternions
 from shsa_core.substitution.events import Compose, Publish
 
@@ -35,15 +35,10 @@ class Outputs(rospy.SubscribeListener):
 
     def advertise(self, topic: str, kind: str, latched: bool = False) -> None:
         """Register as a publisher; waits for the master."""
-        publisher = rospy.Publisher(
-            topic,
-            message_class(kind),
-            self,
-            queue_size=settings.CONSUMER_QUEUE,
-            tcp_nodelay=True,
-            # Who joins is served by the core: once muted, rospy would send what is old.
-            headers={"latching": "1"} if latched else None,
-        )
+        # Who joins is served by the core: once muted, rospy would send what is old.
+        headers = {"latching": "1"} if latched else None
+        size = settings.CONSUMER_QUEUE
+        publisher = advertise(topic, message_class(kind), size, self, headers)
         with self._lock:
             self._publishers[topic] = publisher
             self._advertised(topic)

@@ -17,7 +17,7 @@ from shsa_core.model.service import Service
 from shsa_core.monitoring.events import Disconnected, SubstitutionsChanged, Tick
 from shsa_core.ros import clock, settings
 from shsa_core.ros.messages.fields import stamp
-from shsa_core.ros.rospy_patches.publishing import as_written
+from shsa_core.ros.rospy_patches.publishing import advertise, as_written
 from shsa_core.ros.reader import ALL, event_of
 from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
 from shsa_core.ros.trust.signing import Signing
@@ -47,13 +47,8 @@ class GateNode:
         self._subscriptions = Subscriptions(clock.now, signing.refusals.note)
         self._inbox = self._subscriptions.inbox
         self._written = as_written(self._kind)
-        self._publisher = rospy.Publisher(
-            self._service.heard,
-            self._kind,
-            queue_size=settings.CONSUMER_QUEUE,
-            tcp_nodelay=True,
-            latch=self._service.latched,
-        )
+        heard, latched = self._service.heard, self._service.latched
+        self._publisher = advertise(heard, self._kind, settings.CONSUMER_QUEUE, latch=latched)
         self._carry_out: dispatch.Table[None] = dispatch.table(
             events.Command,
             {events.Pass: self._pass, events.Log: lambda c: LOG[c.level]("%s.", c.text)},

@@ -12,7 +12,7 @@ import genpy
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.rospy_patches.publishing import as_written, connections_of, send
+from shsa_core.ros.rospy_patches.publishing import advertise, as_written, connections_of, send
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust.signing import LARGEST_B, Signing
 
@@ -66,9 +66,7 @@ class TablePublisher(rospy.SubscribeListener):
     def open(self) -> None:
         """Register as a publisher: whoever connects from now on gets the table as it is."""
         with self._lock:
-            self._publisher = rospy.Publisher(
-                self._topic, self._class, self, queue_size=settings.QUEUE, tcp_nodelay=True
-            )
+            self._publisher = advertise(self._topic, self._class, settings.QUEUE, self)
 
     def update(self, changed: Iterable[genpy.Message], removed: Iterable[str] = ()) -> None:
         """Publish new and changed rows, and the keys of those that are gone."""

@@ -16,6 +16,7 @@ from rospy.impl.masterslave import ROSHandler
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
+from shsa_core.ros.rospy_patches.publishing import advertise
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust import secret as secret_file
 from shsa_core.ros.trust.places import master_seen, origin
@@ -203,7 +204,7 @@ def serve(secret: bytes, boot: bytes) -> None:
     setattr(ROSHandler, METHOD, prove)
 
 
-class SignedPublisher(rospy.Publisher):  # type: ignore[misc]
+class SignedPublisher:
     """Publishes messages of one kind, each signed."""
 
     def __init__(
@@ -214,12 +215,12 @@ class SignedPublisher(rospy.Publisher):  # type: ignore[misc]
         queue_size: int = settings.QUEUE,
         listener: Optional[rospy.SubscribeListener] = None,
     ) -> None:
-        super().__init__(topic, kind, listener, queue_size=queue_size, tcp_nodelay=True)
+        self.publisher = advertise(topic, kind, queue_size, listener)
         self.signed = signing.signer(topic, kind)
 
     def publish(self, message: genpy.Message) -> None:
         """Sign and publish a message."""
-        super().publish(self.signed(message))
+        self.publisher.publish(self.signed(message))
 
 
 class Refusals:
