@@ -92,7 +92,7 @@ def _stuck(mark: str, seconds: float) -> str:
     there, named = marked(MARK, mark), ""
     for process in there:
         with suppress(psutil.NoSuchProcess):
-            named += f"\n  {process.pid}: {' '.join(process.cmdline())}"
+            named += f"\n  {process.pid}: {' '.join(' '.join(process.cmdline()).split())}"
             process.send_signal(signal.SIGABRT)
     psutil.wait_procs(there, DUMP_S)
     return f"\nwaited {seconds:g} s in vain; these had not ended:{named}\n"

@@ -79,7 +79,7 @@ def test_a_name_stands_for_one_address(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_who_ends_between_two_questions_is_dead_and_no_stranger(
     node: PlainNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def answered(at: object) -> int:
+    def answered(at: str) -> int:
         number = pid(at)
         node.end()
         return number
