@@ -210,10 +210,17 @@ def test_a_stranger_becomes_known_when_the_som_names_it() -> None:
 
 def test_a_publisher_that_was_there_before_healing_is_named_and_not_blamed() -> None:
     bench = Bench()
-    both(bench, 20.0)
-    assert bench.failures == [] and bench.state("/stranger") == "healthy"
-    (warning,) = bench.told
-    assert "name it in the SOM" in warning
+    bench.connect("/stranger")
+    bench.stream(100)
+    both(bench, 10.0)
+    bench.stream(100)  # the stranger pauses
+    both(bench, 10.0)
+    bench.disconnect("/stranger")
+    both(bench, 10.0)
+    assert [kind for _, kind in bench.kinds() if kind == "unknown_publisher"] == []
+    assert bench.state("/stranger") == "healthy"
+    told = [text for text in bench.told if "name it in the SOM" in text]
+    assert len(told) == 2, "once for each of its lives"
 
 
 def test_substitutes_are_no_strangers() -> None:

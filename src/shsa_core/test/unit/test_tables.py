@@ -277,17 +277,22 @@ def test_who_connects_while_a_table_is_registered_is_sent_the_whole(
     ours, theirs = socket.socketpair()
     early = TCPROSTransport(TCPROSPub("/early", Substitutions), "/early")
     early.set_socket(ours, "/reconfigurator")
+    threads: List[threading.Thread] = []
 
     def meanwhile(name: str, *_: object) -> None:
         impl = get_topic_manager().get_publisher_impl(name)
-        threading.Thread(target=impl.add_connection, args=(early,)).start()
+        threads.append(threading.Thread(target=impl.add_connection, args=(early,)))
+        threads[0].start()
         wait_until(lambda: impl.connections, 5.0, "it has connected")
 
     monkeypatch.setattr(get_registration_listeners(), "notify_added", meanwhile)
     monkeypatch.setattr(tables.rospy.Time, "now", staticmethod(rospy.Time))
     table = TablePublisher("/early", Substitutions, "substitutions", lambda row: str(row.node))
-    with ours, theirs:
+    try:
         theirs.settimeout(5.0)
         assert Substitutions().deserialize(theirs.recv(1000)[4:]).whole
         assert isinstance(table._publisher.impl.connections[0], QueuedConnection)
-    table._publisher.unregister()
+        threads[0].join()
+    finally:
+        table._publisher.unregister()
+        theirs.close()

@@ -28,7 +28,7 @@ class Case:
     together: int = 1  # nodes that are late, or out of range, with it, itself included
     confirmed: bool = False  # what others tell is as far out of range
     fed_badly: bool = False  # what it is computed from is at fault as well
-    was_there: bool = False  # it published before healing could hear it
+    was_there: bool = False  # it was there before its topic was watched
     robot_came: bool = True  # some node of it was there, or was under a former monitor
 
 
@@ -102,7 +102,7 @@ ROWS = (
         lambda case: case.fed_badly,
     ),
     Row(
-        "it published before healing came: name it in the SOM, or end it",
+        "it was there before its topic was watched: name it in the SOM, or end it",
         (Kind.UNKNOWN_PUBLISHER,),
         lambda case: case.was_there,
     ),

@@ -17,7 +17,7 @@ from shsa_core.monitoring.publishers import (
     WatchedTopic,
     without_numbers,
 )
-from shsa_core.monitoring.settings import BRIDGES_APART
+from shsa_core.monitoring.settings import BRIDGES_APART, RECONNECT_S
 
 UNKNOWN, HEALTHY, FAILED = PublisherState.UNKNOWN, PublisherState.HEALTHY, PublisherState.FAILED
 
@@ -178,6 +178,8 @@ class Board:
         """Put a new publisher in place of an old one of that name."""
         publisher = Publisher(topic, name, self.now, self.watched_of(topic, name), uri=uri)
         topic.publishers[name] = publisher
+        if self.now <= topic.heard_from + RECONNECT_S:
+            topic.there.add(name)
         self.touch(publisher)
         self._miss_no_more(topic, publisher.watched)
         self.notice(publisher)

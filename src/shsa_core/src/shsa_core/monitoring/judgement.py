@@ -17,7 +17,6 @@ from shsa_core.monitoring.alibis import Alibi, Case, decide
 from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.publishers import Publisher
-from shsa_core.monitoring.settings import RECONNECT_S
 from shsa_core.monitoring.surroundings import Surroundings
 
 LATE = (Kind.RATE_LOW, Kind.RATE_HIGH, Kind.STALE_STAMP)
@@ -177,9 +176,7 @@ class Judgement:
             confirmed = self._confirms(publisher, evidence.outside)
             case = self._around.range(publisher, confirmed)
         elif failure.kind is Kind.UNKNOWN_PUBLISHER:
-            case = replace(
-                case, was_there=publisher.since <= publisher.topic.heard_from + RECONNECT_S
-            )
+            case = replace(case, was_there=publisher.name in publisher.topic.there)
         return decide(replace(case, fed_badly=self._is_fed_badly(publisher, failure.kind)))
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:

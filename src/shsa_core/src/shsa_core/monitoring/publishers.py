@@ -206,6 +206,7 @@ class WatchedTopic:
     name: str
     subscribed: bool = False  # who publishes it can be heard
     heard_from: float = inf  # when that began, in s
+    there: Set[str] = field(default_factory=set)  # who was met as it began
     services: Dict[str, WatchedService] = field(default_factory=dict)
     publishers: Dict[str, Publisher] = field(default_factory=dict)
     nodes: Dict[str, WatchedService] = field(default_factory=dict)

@@ -101,7 +101,7 @@ def recorded(
     return journal.recorded(handle), journal.close
 
 
-def publish(publisher: rospy.Publisher, message: genpy.Message) -> None:
+def publish(publisher: Any, message: genpy.Message) -> None:
     """Publish from a callback, unless ROS is shutting down and has closed the topic already."""
     try:
         publisher.publish(message)

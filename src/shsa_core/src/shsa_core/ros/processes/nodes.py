@@ -85,14 +85,17 @@ class Nodes:
             return Known(uri, None)
         if not is_local(at):
             return Known(uri, None, at=at)
-        try:
-            process = listener(resolved(at), pid(at))
-            if process is None:
-                pid(at)  # it may have ended since it answered
-        except ConnectionRefusedError:
-            return Known(uri, None, dead=True)
-        except FAILURES:  # the kernel is asked all the same
-            process = listener(resolved(at), 0)
+        hint, process = 0, None
+        for _ in range(2):  # one that has answered may end before it is looked for
+            try:
+                hint = pid(at)
+            except ConnectionRefusedError:
+                return Known(uri, None, dead=True)
+            except FAILURES:
+                hint = 0  # the kernel is asked all the same
+            process = listener(resolved(at), hint)
+            if process is not None:
+                break
         return Known(uri, process, at=at)
 
     def uri(self, node: str) -> str:
