@@ -264,6 +264,41 @@ def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> 
     assert [each.node for each in cable.take(events.ProcessExited)] == [ended.node]
 
 
+def test_a_restarted_node_that_is_found_late_goes_on(cable: Cable) -> None:
+    """As after a restart of the reconfigurator, whose agent was not reached at first."""
+    cable.running = ["/driver", "/substitute_a_1"]
+    cable.host = RemoteHost("pi", cable.told.append, cable.command, PATIENCE, RETURNS)
+    assert cable.host.take_up() == ()
+    cable.done.clear()
+    cable.pass_time(0.3)
+    assert cable.host.is_reached
+    assert cable.done == [events.WatchNodes(()), events.StopNode("/substitute_a_1")]
+    assert [each.node for each in cable.take(events.NodeRestarted)] == ["/driver"]
+    cable.running = ["/driver"]
+    cable.host.carry_out(events.StopNode("/driver"), cable.now)  # its launch has ended
+    assert cable.done[-1] == events.StopNode("/driver")
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_what_has_become_of_a_restart_is_told_by_what_runs(cable: Cable, runs: bool) -> None:
+    cable.host.carry_out(events.RestartNode("/driver"), cable.now)
+    cable.running = ["/driver"] if runs else []
+    cable.done.clear()
+    cable.whole = False
+    cable.pass_time(PATIENCE + 0.2)
+    assert cable.take(events.HostLost) and not cable.take(events.RestartFailed)
+    cable.whole = True
+    cable.pass_time(0.5)
+    assert cable.host.is_reached and events.StopNode("/driver") not in cable.done
+    told = cable.take(events.NodeRestarted), cable.take(events.RestartFailed)
+    assert [len(each) for each in told] == [int(runs), int(not runs)]
+    cable.whole = False
+    cable.pass_time(PATIENCE + 0.2)
+    cable.whole = True
+    cable.pass_time(0.5)
+    assert events.StopNode("/driver") not in cable.done and not cable.take(events.RestartFailed)
+
+
 def test_nobody_is_told_twice_of_what_is_no_event(cable: Cable) -> None:
     cable.told.clear()
     cable.agent.said += 1

@@ -4,7 +4,8 @@ Each is one line of JSON, and the line to another computer may be cut.
 It begins when the agent is heard, and again when that was silent or was started anew, or when
 something was lost: both ends number what they say. It counts once both have heard each other. What
 is wanted of a computer that cannot be reached is answered at once, with what is known of it:
-nothing. Times in s, on one clock.
+nothing. A restart whose answer was lost is answered by what runs there once it is reached. Times in
+s, on one clock.
 """
 from contextlib import suppress
 from dataclasses import replace
@@ -14,6 +15,7 @@ from shsa_core.errors import ModelError
 from shsa_core.healing import events
 from shsa_core.healing.events import Where
 from shsa_core.journal.codec import Codec
+from shsa_core.model.names import is_substitute
 from shsa_core.watch import Watch
 
 HostCommand = Union[events.NodeCommand, events.WatchNodes]
@@ -55,8 +57,9 @@ class RemoteHost:
     `tell(event)` hears its events, HostSeen and HostLost; `publish(**fields)` sends a HostCommand;
     `ended()`: whether the agent has closed its connection, as it does when it ends. One that is
     silent for `patience` is lost, one that has ended after `returns`: it may be started again. What
-    is to be stopped while it cannot be reached is stopped once it can be; substitutes that have
-    ended meanwhile are told. `silence`: s since it was heard, `seen`: what it told then.
+    is to be stopped while it cannot be reached is stopped once it can be, as is a substitute that
+    is not wanted, and no node of the robot; substitutes that have ended meanwhile are told.
+    `silence`: s since it was heard, `seen`: what it told then.
     """
 
     def __init__(
@@ -75,9 +78,10 @@ class RemoteHost:
         self._confirmed = 0  # so many of our commands has the agent heard
         self.is_reached = self._left = self._settled = False
         self._lost = True  # as far as anybody was told
-        self._waits: Dict[Tuple[Type[Any], str], HostCommand] = {}
+        self._waits: Dict[Tuple[Type[Any], str], events.NodeCommand] = {}
         self._wanted: Set[str] = set()  # the nodes that are to run there
         self._found: Set[str] = set()  # those that were found to
+        self._ended: Set[str] = set()  # the robot's own that are to run there no more
         self._watched = events.WatchNodes(())
         self.seen: Optional[events.HostSeen] = None
         self._clock = Watch()
@@ -100,8 +104,11 @@ class RemoteHost:
             self._watched = command
         elif isinstance(command, (events.StartSubstitute, events.RestartNode)):
             self._wanted.add(command.node)
+            self._ended.discard(command.node)
         elif isinstance(command, events.StopNode):
             self._wanted.discard(command.node)
+            if not is_substitute(command.node):
+                self._ended.add(command.node)
         if self.is_reached:
             self._send(command)
         else:
@@ -154,9 +161,9 @@ class RemoteHost:
         self._session = max(self._session, theirs) + 1
         self._said = self._heard = self._confirmed = 0
         self.beat()
-        waits, self._waits = self._waits, {}
-        for command in waits.values():
-            self._answer(command, now, why)
+        for command in list(self._waits.values()):
+            if not isinstance(command, events.RestartNode):  # it may run, or not: see _reach
+                self._answer(command, now, why)
 
     def _reach(self, message: Message, now: float) -> None:
         """Both ends hear each other: from now on what runs there is what is wanted."""
@@ -165,6 +172,13 @@ class RemoteHost:
         self._send(self._watched)
         if not self._settled:
             return
+        for command in list(self._waits.values()):  # for the answer to a restart
+            if command.node not in self._found:
+                self._answer(command, now, f"the agent of {self.name} was not heard")
+        for node in sorted(self._found - self._ended):
+            if not is_substitute(node):
+                self._wanted.add(node)
+                self._tell(self._ours(events.NodeRestarted(now, node), now))
         for node in sorted(self._wanted - self._found):
             self._wanted.discard(node)
             self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))

@@ -22,6 +22,12 @@ def full_name(name: str, namespace: str) -> str:
     return "/".join(("", *filter(None, namespace.split("/")), name))
 
 
+def is_substitute(node: str) -> bool:
+    """Return whether a node is a substitute by its name, in whichever namespace."""
+    name = node.rsplit("/", 1)[-1]
+    return name.startswith(PREFIX) and bool(NUMBERED.fullmatch(name[len(PREFIX) :]))
+
+
 def file_name(path: str, namespace: str) -> str:
     """Map `log/a.jsonl` to `log/robot1-a.jsonl` in the namespace `/robot1`, as roslaunch does."""
     folder, name = os.path.split(path)
@@ -66,9 +72,7 @@ class Names:
             return node in self._ours
         if node.startswith(self._monitor) and node[len(self._monitor) :] in self.hosts:
             return True
-        name = node.rsplit("/", 1)[-1]
-        substitute = name.startswith(PREFIX) and NUMBERED.fullmatch(name[len(PREFIX) :])
-        return name in HEALERS or bool(substitute)
+        return node.rsplit("/", 1)[-1] in HEALERS or is_substitute(node)
 
     def consumers(self, subscribers: Iterable[str]) -> Tuple[str, ...]:
         """Return the subscribers that rely on a topic: not healing's own, and none that records."""
