@@ -1,6 +1,7 @@
 """Nodes that were started again: known by their mark to who comes after who started them."""
 import errno
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -119,6 +120,63 @@ def test_a_fork_is_looked_at_again_though_the_wall_clock_was_set(
     assert agent._started_again(NODE) is None and started.pid not in agent._others[NODE]
     monkeypatch.setattr(settings, "LOOK_S", 0.0)
     assert agent._started_again(NODE) is None and started.pid in agent._others[NODE]
+
+
+SIBLINGS = """
+import os, subprocess, sys, time
+def start(namespace, folder):
+    variables = {**os.environ, "ROS_NAMESPACE": namespace}
+    print(subprocess.Popen(["sleep", "600"], env=variables, cwd=folder).pid, flush=True)
+for line in sys.stdin:
+    start(*line.split())
+"""
+
+
+class Launching:
+    """A launch whose nodes have one command line: each is started when that is said."""
+
+    def __init__(self) -> None:
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "start_new_session": True}
+        words = [sys.executable, "-c", SIBLINGS]
+        self.launch = subprocess.Popen(words, bufsize=0, **pipes)  # type: ignore[call-overload]
+
+    def start(self, namespace: str, folder: str = "/") -> psutil.Process:
+        self.launch.stdin.write(f"{namespace} {folder}\n".encode())
+        process = psutil.Process(int(self.launch.stdout.readline()))
+        wait_until(lambda: process.cmdline() == ["sleep", "600"], 5.0, "it has begun")
+        return process
+
+
+@pytest.fixture
+def launching() -> Iterator[Launching]:
+    launching = Launching()
+    yield launching
+    os.killpg(launching.launch.pid, signal.SIGKILL)
+    launching.launch.communicate()
+
+
+def test_a_sibling_with_the_same_command_is_not_the_node(launching: Launching) -> None:
+    """It was adopted as the node, which is kept out, and ended."""
+    agent, node = restarts(), launching.start("a")
+    agent.learn("/a/cam", node)
+    node.kill()
+    launching.start("b")
+    launching.start("a", folder="/tmp")
+    assert agent._started_again("/a/cam") is None
+    successor = launching.start("a")
+    assert agent._started_again("/a/cam") == successor
+
+
+def test_a_process_that_is_older_or_another_node_is_not_the_node(launching: Launching) -> None:
+    agent, other, node = restarts(), launching.start("a"), launching.start("a")
+    agent.learn("/cam_1", other)
+    agent.learn("/cam_2", node)
+    node.kill()
+    assert agent._started_again("/cam_2") is None
+    later = launching.start("a")
+    agent.learn("/cam_1", later)
+    assert agent._started_again("/cam_2") is None
+    assert agent._started_again("/cam_1") is None  # it runs
 
 
 def test_a_process_that_has_no_command_any_more_is_not_the_node(

@@ -35,6 +35,7 @@ class _Start:
     environment: Dict[str, str]
     starter: Identity
     """The process that started it first; NOBODY: none waits for it."""
+    process: Identity = NOBODY
 
 
 class Restarts:
@@ -69,7 +70,8 @@ class Restarts:
         try:
             parent = process.ppid()
             starter = identity(parent) if parent > 1 else NOBODY
-            start = _Start(process.cmdline(), process.cwd(), process.environ(), starter)
+            words, folder, variables = process.cmdline(), process.cwd(), process.environ()
+            start = _Start(words, folder, variables, starter, identity(process.pid))
         except (psutil.Error, OSError) as error:
             if not isinstance(error, psutil.NoSuchProcess):
                 rospy.logwarn("%s could not be started again: %s", node, error)
@@ -93,12 +95,22 @@ class Restarts:
         for pid in children - others:
             with suppress(psutil.Error, OSError):  # without descriptors the next look is soon
                 process = psutil.Process(pid)
-                if process.cmdline() == start.words and is_ours(process):
+                if self._is_next(node, start, process):
                     return process
                 age = time.clock_gettime(time.CLOCK_BOOTTIME) - identity(pid)[1] / TICKS_HZ
                 if age > settings.LOOK_S:  # it is no fork of late
                     others.add(pid)
         return None
+
+    def _is_next(self, node: str, start: _Start, process: psutil.Process) -> bool:
+        """Return whether a process is a later one of a node: a sibling may have its words, too."""
+        if process.cmdline() != start.words or process.cwd() != start.folder:
+            return False
+        known, others = identity(process.pid), list(self._starts.items())
+        if known[1] <= start.process[1] or known in [s.process for n, s in others if n != node]:
+            return False
+        there = {**process.environ(), MARK: ""}
+        return there == {**start.environment, MARK: ""} and is_ours(process)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has started again; return the nodes."""
