@@ -13,9 +13,10 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
+from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.children import Children
-from shsa_core.ros.processes.kernel import identity, robot_processes
-from shsa_core.ros.processes.restarting import MARK, Restarts, _Start
+from shsa_core.ros.processes.kernel import NOBODY, identity, robot_processes
+from shsa_core.ros.processes.restarting import MARK, TICKS_HZ, Restarts, _Start
 from shsa_testing.waiting import wait_until
 
 NODE = "/driver"
@@ -141,9 +142,13 @@ class Launching:
         self.launch = subprocess.Popen(words, bufsize=0, **pipes)  # type: ignore[call-overload]
 
     def start(self, namespace: str, folder: str = "/") -> psutil.Process:
+        ticks = lambda: time.clock_gettime(time.CLOCK_BOOTTIME) * TICKS_HZ
+        before = ticks()
+        wait_until(lambda: ticks() > before + 1.0, 5.0, "the kernel tells it from an earlier one")
         self.launch.stdin.write(f"{namespace} {folder}\n".encode())
         process = psutil.Process(int(self.launch.stdout.readline()))
-        wait_until(lambda: process.cmdline() == ["sleep", "600"], 5.0, "it has begun")
+        begun = lambda: process.cmdline() == ["sleep", "600"] and process.environ()
+        wait_until(begun, 5.0, "it has begun")  # its words are there a moment before the rest
         return process
 
 
@@ -177,6 +182,23 @@ def test_a_process_that_is_older_or_another_node_is_not_the_node(launching: Laun
     agent.learn("/cam_1", later)
     assert agent._started_again("/cam_2") is None
     assert agent._started_again("/cam_1") is None  # it runs
+
+
+@pytest.mark.parametrize("first, is_starter", [("/usr/bin/roslaunch", True), ("/sbin/init", False)])
+def test_the_first_process_has_started_a_node_if_it_is_a_launch(
+    monkeypatch: pytest.MonkeyPatch, first: str, is_starter: bool
+) -> None:
+    """It is in a container; elsewhere it adopts whose parent has ended."""
+    monkeypatch.setattr(psutil.Process, "ppid", lambda process: int(process.pid != 1))
+    words = psutil.Process.cmdline
+    monkeypatch.setattr(
+        psutil.Process, "cmdline", lambda each: [first] if each.pid == 1 else words(each)
+    )
+    assert kernel.started_by_launch(os.getpid()) == is_starter
+    agent = restarts()
+    agent.learn(NODE, psutil.Process())
+    assert agent._starts[NODE].starter == (identity(1) if is_starter else NOBODY)
+    assert kernel.never_to_end(psutil.Process(1))
 
 
 def test_a_process_that_has_no_command_any_more_is_not_the_node(

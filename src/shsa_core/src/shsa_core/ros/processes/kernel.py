@@ -115,7 +115,7 @@ def ancestors(pid: int) -> List[psutil.Process]:
     """Return the processes that a process descends from, the nearest first, without the first."""
     with suppress(psutil.Error):
         parent = psutil.Process(pid).parent()
-        if parent is not None and parent.pid > 1:
+        if parent is not None:  # in a container the first process may be a roslaunch
             return [parent, *ancestors(parent.pid)]
     return []
 

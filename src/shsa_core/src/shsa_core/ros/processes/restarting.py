@@ -14,7 +14,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.processes.children import Children, Started
 from shsa_core.ros.processes.kernel import NOBODY, Identity, ended, gone, identity
-from shsa_core.ros.processes.kernel import is_ours, robot_processes
+from shsa_core.ros.processes.kernel import is_ours, robot_processes, started_by_launch
 from shsa_core.ros.workers import guarded, repeating
 
 TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
@@ -69,7 +69,9 @@ class Restarts:
         """Remember how the process of a healthy node was started, which is of our own user."""
         try:
             parent = process.ppid()
-            starter = identity(parent) if parent > 1 else NOBODY
+            # The first process may be whose parent has ended, or a roslaunch, as in a container.
+            has_starter = parent > 1 or started_by_launch(process.pid)
+            starter = identity(parent) if has_starter else NOBODY
             words, folder, variables = process.cmdline(), process.cwd(), process.environ()
             start = _Start(words, folder, variables, starter, identity(process.pid))
         except (psutil.Error, OSError) as error:
