@@ -20,6 +20,7 @@ from shsa_core.ros.processes import heartbeats
 from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
+from shsa_core.ros.trust import places
 from shsa_core.ros.workers import Workers
 from shsa_testing.waiting import wait_until
 
@@ -54,6 +55,28 @@ def test_it_is_known_whether_anybody_hears(role: str) -> None:
     assert not heart.beat(at_once=True)
     signs = Signs(role)
     assert list(signs.last) == [] and heart.beat(at_once=True)
+
+
+def test_a_container_with_our_home_takes_no_heartbeats_of_ours(
+    role: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Each calls its master localhost."""
+    heart, ours = Heart(role), Signs(role)
+    (tmp_path / "net").symlink_to("net:[7]")
+    monkeypatch.setattr(places, "NAMESPACES", str(tmp_path))
+    theirs = Signs(role)
+    assert heart.beat(at_once=True)
+    wait_until(lambda: list(ours.last) == ["/test"], 10.0, "we hear it")
+    assert not theirs.last and Heart(role).beat(at_once=True)
+    wait_until(lambda: list(theirs.last) == ["/test"], 10.0, "they hear theirs")
+
+
+def test_a_computer_that_tells_no_boot_has_no_heartbeats(
+    role: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(places, "BOOT_ID", str(tmp_path / "none"))
+    Signs(role)
+    assert not Heart(role).beat(at_once=True)
 
 
 def test_a_sign_of_life_comes_with_its_process(

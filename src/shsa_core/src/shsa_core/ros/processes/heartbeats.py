@@ -15,9 +15,10 @@ from typing import Callable, Dict, Iterable, NamedTuple, Optional, Tuple
 import rospkg
 import rospy
 
+from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import register_again
-from shsa_core.ros.trust.places import master_place
+from shsa_core.ros.trust.places import origin
 from shsa_core.ros.workers import Workers, repeating
 
 CREDENTIALS = struct.Struct("3i")
@@ -50,7 +51,7 @@ class Heart:
         self._address = ""
         try:
             self._address = _address(role)
-        except OSError as error:
+        except (OSError, ShsaError) as error:
             rospy.logwarn("Our heartbeats cannot be sent: %s", error)
         self._due, self._answered, self.answer = 0.0, time.monotonic(), b""
         self._master, self._calls = b"", calls
@@ -106,7 +107,7 @@ class Signs:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         try:
             _bind(self._socket, _address(role))
-        except OSError as error:
+        except (OSError, ShsaError) as error:
             rospy.logwarn("Heartbeats cannot be received; a hung process goes unnoticed: %s", error)
             return
         repeating("heartbeats", settings.REST_S, self._work).start()
@@ -132,8 +133,9 @@ def sender(extra: Iterable[Tuple[int, int, bytes]]) -> Optional[int]:
 
 def _address(role: str) -> str:
     # In the system's own space, without our folder, anybody could take its name, or fill its queue.
-    place = f"{master_place()} {rospy.get_namespace()} {role}"
-    name = hashlib.sha256(place.encode()).hexdigest()[:32] + ".socket"
+    # Containers, and computers, may share our home, and each calls its master localhost.
+    place = origin() + f" {rospy.get_namespace()} {role}".encode()
+    name = hashlib.sha256(place).hexdigest()[:32] + ".socket"
     folder = os.path.join(rospkg.get_ros_home(), "shsa")
     os.makedirs(folder, 0o700, exist_ok=True)
     # The folder's own path may be longer than a socket's: the system takes 107 bytes.
