@@ -115,6 +115,21 @@ def test_what_waits_for_an_agent_that_hangs_is_bounded(
     assert 0 < size <= QUEUE
 
 
+def test_an_agent_goes_on_where_it_has_no_descriptor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its load is told by files of the kernel."""
+    end = time.monotonic() + 10.0
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: len(said) > 1 or time.monotonic() > end)
+    monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
+    monkeypatch.setattr(agent, "repeating", Mock())
+    said: List[str] = []
+    load = Mock(look=Mock(side_effect=OSError(errno.EMFILE, "too many open files")))
+    node = agent.AgentNode.__new__(agent.AgentNode)
+    parts = {"_name": "pi", "_load": load, "_say": said.append, "_forgotten": threading.Event()}
+    vars(node).update(parts, _lock=threading.Lock(), _followed=lambda: True)
+    node.spin()
+    assert len(said) == 2
+
+
 def test_an_agent_goes_on_to_look_if_the_master_knows_it_after_an_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

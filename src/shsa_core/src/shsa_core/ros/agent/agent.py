@@ -28,7 +28,7 @@ from shsa_core.ros.processes.local import LocalHost
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import names
-from shsa_core.ros.workers import repeating
+from shsa_core.ros.workers import guarded, repeating
 
 
 class AgentNode:
@@ -65,9 +65,9 @@ class AgentNode:
         rospy.loginfo("Agent of %s ready.", self._name)
         repeating("master", settings.LOOK_S, self._look_at_master).start()
         while not rospy.is_shutdown():
-            self._load.look(clock.now())
+            guarded("The agent", self._load.look, clock.now())
             with self._lock:
-                self._say("")
+                guarded("The agent", self._say, "")
             if self._forgotten.wait(settings.TURN_S):
                 raise ShsaError("the master was started anew, and knows us only if we are, too")
         if not self._followed():
