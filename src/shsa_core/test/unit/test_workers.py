@@ -3,6 +3,7 @@ import errno
 import logging
 import logging.handlers
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -14,7 +15,7 @@ import psutil
 import pytest
 import rospy
 
-from shsa_core.ros.processes.children import Children, Started, ending
+from shsa_core.ros.processes.children import Children, Started, end, ending
 from shsa_core.ros.rospy_patches import log_queue
 from shsa_core.ros.rospy_patches.log_queue import say_failures_once
 from shsa_core.ros.settings import LOG_LINES
@@ -150,6 +151,18 @@ def test_the_end_of_a_process_is_told_though_a_look_has_failed(
     kept = Children(lambda node, how: ended.append(node))
     kept.keep("/short", Started(["true"]))
     wait_until(lambda: ended == ["/short"], 10.0, "its end was told")
+
+
+def test_a_process_that_leads_no_group_is_ended_all_the_same() -> None:
+    """As a substitute that was taken up, in a sandbox that forks."""
+    words = ["sh", "-c", "sleep 600 & echo $!; wait"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, start_new_session=True) as sandbox:
+        assert sandbox.stdout is not None
+        substitute = psutil.Process(int(sandbox.stdout.readline()))
+        end(substitute)
+        alive = not ending(substitute)
+        os.killpg(sandbox.pid, signal.SIGKILL)
+    assert not alive
 
 
 def test_a_process_that_nobody_can_look_after_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:

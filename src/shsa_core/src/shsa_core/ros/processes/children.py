@@ -93,5 +93,8 @@ def end(process: psutil.Process) -> None:
             if ended():
                 return  # its number may be another one's by now
             if number == signal.SIGKILL or not kernel.stopped(process.pid):
-                os.killpg(process.pid, number)
+                try:
+                    os.killpg(process.pid, number)
+                except ProcessLookupError:  # its group is led by a sandbox that has forked it
+                    os.kill(process.pid, number)
                 kernel.wait_for(ended)
