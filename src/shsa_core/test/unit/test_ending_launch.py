@@ -1,14 +1,16 @@
 """The end of our launch, told by the log of the process that started us."""
+import errno
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Iterator, List
+from unittest.mock import Mock
 
 import pytest
 
-from shsa_core.ros.processes import kernel
+from shsa_core.ros.processes import kernel, launch as launching
 from shsa_core.ros.processes.launch import Launches
 from shsa_testing.waiting import wait_until
 
@@ -102,6 +104,23 @@ def test_what_was_logged_before_we_came_does_not_count(
     assert launch.answers(3) == ["False"] * 3
     launch.log("[roslaunch][INFO] something else")
     assert launch.answers(20) == ["False"] * 20
+
+
+def test_a_log_that_cannot_be_read_tells_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a disk that fails: each event of the reconfigurator looks there first."""
+    log = tmp_path / "roslaunch.log"
+    log.touch()
+    read = launching._LaunchLog(str(log))
+    monkeypatch.setattr(launching, "_find_log", lambda pid: (1, read))
+    ours, file = launching.Launch(), read._file
+    failing = Mock(read=Mock(side_effect=OSError(errno.ESTALE, "Stale file handle")))
+    monkeypatch.setattr(read, "_file", failing)
+    assert not ours.ending() and failing.read.called
+    monkeypatch.setattr(read, "_file", file)
+    log.write_text(EXIT + "\n")
+    assert ours.ending()
 
 
 def test_a_node_of_the_same_name_on_another_master_is_another(

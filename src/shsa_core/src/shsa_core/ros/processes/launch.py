@@ -38,7 +38,10 @@ class _LaunchLog:
 
     def tells(self) -> bool:
         """Return whether roslaunch has written since the last look that it shuts down."""
-        *lines, self._begun = (self._begun + self._file.read()).split(b"\n")
+        try:
+            *lines, self._begun = (self._begun + self._file.read()).split(b"\n")
+        except OSError:  # its disk fails, or is away
+            return False
         return any(map(SHUTDOWN.search, lines))
 
 
