@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Iterator, List
 from unittest.mock import Mock
 
+import psutil
 import pytest
 
 from shsa_core.ros.processes import kernel, launch as launching
@@ -142,6 +143,23 @@ def test_a_node_of_the_same_name_on_another_master_is_another(
     finally:
         for process in processes:
             process.communicate(b"\n")
+
+
+def test_a_node_is_looked_for_again_where_the_means_lacked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    failures = [OSError(errno.EMFILE, "too many open files")]
+
+    def look() -> Iterator[kernel.Running]:
+        if failures:
+            raise failures.pop()
+        yield kernel.Running(psutil.Process(), ["__name:=node"], {})
+
+    monkeypatch.setattr(kernel, "robot_processes", look)
+    launches = Launches()
+    launches.learn("/node")
+    wait_until(lambda: launches._known, 10.0, "it is found")
+    assert not failures and launches._known["/node"][0] == os.getpid()
 
 
 def test_it_is_told_how_long_a_node_waits_for_a_processor() -> None:

@@ -102,14 +102,19 @@ class Launches:
         time.sleep(settings.CALL_S)
         with self._lock:
             nodes, self._unknown = self._unknown, set()
-        for running in (each for each in kernel.robot_processes() if each.node in nodes):
-            launch, log = _find_log(running.process.pid) or (0, None)
-            with self._lock:
-                self._known[running.node] = running.process.pid, launch
-                if log is not None:
-                    self._logs.setdefault(launch, log)
-                launches = {launch for _, launch in self._known.values()}
-                self._logs = {pid: log for pid, log in self._logs.items() if pid in launches}
+        try:
+            for running in (each for each in kernel.robot_processes() if each.node in nodes):
+                launch, log = _find_log(running.process.pid) or (0, None)
+                with self._lock:
+                    self._known[running.node] = running.process.pid, launch
+                    if log is not None:
+                        self._logs.setdefault(launch, log)
+                    launches = {launch for _, launch in self._known.values()}
+                    self._logs = {pid: log for pid, log in self._logs.items() if pid in launches}
+        except OSError:  # we lack the means to look now
+            for node in nodes:
+                self.learn(node)
+            raise
 
 
 def _find_log(pid: int) -> Optional[Tuple[int, _LaunchLog]]:
