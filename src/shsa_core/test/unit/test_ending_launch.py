@@ -162,6 +162,14 @@ def test_a_node_is_looked_for_again_where_the_means_lacked(
     assert not failures and launches._known["/node"][0] == os.getpid()
 
 
+def test_a_healer_elsewhere_may_have_our_process_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the second process of each container."""
+    uri = "http://198.51.100.7:4321/"
+    monkeypatch.setattr(launching, "uri_of", lambda node: uri)
+    monkeypatch.setattr(launching, "pid_of", lambda uri: os.getpid())
+    assert launching.find_other("/monitor") == f"process {os.getpid()} at {uri}"
+
+
 def test_it_is_told_how_long_a_node_waits_for_a_processor() -> None:
     name = f"node_{os.getpid()}"
     busy = [sys.executable, "-c", "while True: pass", f"__name:={name}"]

@@ -166,8 +166,6 @@ def find_other(node: str) -> Optional[str]:
         number = pid_of(uri)
     except FAILURES:
         return None
-    if number == os.getpid():
-        return None
     process = listener(resolved(uri), number) if is_local(uri) else None
     if is_local(uri) and (process is None or not kernel.is_ours(process)):
         whose = kernel.user(process)
