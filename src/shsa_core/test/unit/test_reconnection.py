@@ -164,7 +164,7 @@ def test_a_node_that_drops_the_question_is_gone_at_once(
         raise ConnectionResetError
 
     monitor.connect(node)
-    monkeypatch.setattr("shsa_core.ros.sockets.reconnection.ask", drop)
+    monkeypatch.setattr("shsa_core.ros.rospy_patches.subscribing.ask", drop)
     begun = time.monotonic()
     node.close_connections()
     monitor.until(lambda: "Disconnected" in monitor.kinds())
