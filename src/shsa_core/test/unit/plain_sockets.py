@@ -204,7 +204,7 @@ def _monitor(master: Master, monkeypatch: Any) -> Iterator[Monitor]:
     rospy.rostime.set_rostime_initialized(True)
     made = Monitor(f"/topic_{next(NUMBERS)}")
     yield made
-    made.connections.unsubscribe(made.topic)
+    made.connections.unsubscribe(made.topic)()
 
 
 @pytest.fixture(name="node")

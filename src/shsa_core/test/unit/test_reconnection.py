@@ -164,7 +164,7 @@ def test_a_node_that_drops_the_question_is_gone_at_once(
         raise ConnectionResetError
 
     monitor.connect(node)
-    monkeypatch.setattr("shsa_core.ros.sockets.reconnection.ask", drop)
+    monkeypatch.setattr("shsa_core.ros.rospy_patches.subscribing.ask", drop)
     begun = time.monotonic()
     node.close_connections()
     monitor.until(lambda: "Disconnected" in monitor.kinds())
@@ -254,7 +254,7 @@ def test_a_topic_that_is_left_while_its_node_is_in_doubt(monitor: Monitor, node:
     node.answers = False
     node.close_connections()
     monitor.until(lambda: monitor.kinds() == ["Interrupted"])
-    monitor.connections.unsubscribe(monitor.topic)
+    monitor.connections.unsubscribe(monitor.topic)()
     end = time.monotonic() + 2 * settings.CALL_S
     monitor.until(lambda: time.monotonic() > end)
     assert monitor.kinds() == ["Interrupted"]
@@ -364,7 +364,7 @@ def test_a_topic_whose_subscription_could_not_be_ended_can_be_subscribed_again(
     with monkeypatch.context() as broken:
         broken.setattr(rospy.Subscriber, "unregister", lambda self: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            monitor.connections.unsubscribe(monitor.topic)
+            monitor.connections.unsubscribe(monitor.topic)()
     assert not monitor.connections.topics
     monitor.connections.subscribe(monitor.topic)
     monitor.connect(node)

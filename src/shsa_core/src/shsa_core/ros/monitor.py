@@ -8,10 +8,9 @@ that had come: what comes while it is read is of later.
 """
 import argparse
 import sys
-from collections import deque
 from functools import partial
 from operator import attrgetter
-from typing import Deque, Dict, Optional
+from typing import Dict, Optional, Set
 
 import rospy
 from shsa_msgs import msg
@@ -42,7 +41,7 @@ from shsa_core.ros.sockets import subscriptions
 from shsa_core.ros.trust.signing import SignedPublisher, Signing
 from shsa_core.ros.wire import healing as wire, names
 from shsa_core.ros.wire.rows import filled
-from shsa_core.ros.workers import Workers, guarded
+from shsa_core.ros.workers import UrgentFirst, Workers, guarded
 
 
 class MonitorNode:
@@ -85,9 +84,11 @@ class MonitorNode:
                 events.Log: lambda c: LOG[c.level]("%s.", c.text),
             },
         )
-        self._to_watch: Deque[str] = deque()
+        self._registrations = UrgentFirst("registrations", settings.PAUSE_S)
+        self._topics: Set[str] = set()
+        self._pending: Set[str] = set()  # topics that are being subscribed
         self._looked = self._told_clock = self._fed = clock.now()
-        self._subscribe_at = self._ahead = 0.0
+        self._ahead = 0.0
         self._diagnostics = diagnostics.Diagnostics(
             lambda: self._inbox.put(lambda: self._diagnostics.show(self._core.overview())),
             diagnostics.MonitorRows(),
@@ -116,8 +117,6 @@ class MonitorNode:
         """Wait for something to do, read everything that has come, then let time pass."""
         self._companion.beat()
         wanted = min(self._core.next_deadline, clock.now() + settings.TURN_S)
-        if self._to_watch:
-            wanted = min(wanted, self._subscribe_at)
         self._inbox.wait(wanted - clock.now())
         rest = min(self._looked + settings.REST_S, wanted) - clock.now()
         if rest > 0.0:
@@ -136,7 +135,6 @@ class MonitorNode:
                 happening = events.Tick(happening.time, max(0.0, happening.time - wanted))
             guarded("The monitor", self._happened, happening)
         self._tell_changes()
-        self._subscribe_next()
 
     def _heed_launch(self) -> None:
         """Look once something was read, before it is fed: the launch first says that it ends."""
@@ -163,6 +161,8 @@ class MonitorNode:
         if isinstance(happening, subscriptions.Arrived):
             self._arrived(happening)
             return
+        if isinstance(happening, events.Connected):
+            self._subscribed(happening.topic)  # our thread for that may say so later
         self._feed(happening)
         if isinstance(happening, events.Connected):
             service = self._core.service_of(happening.topic, happening.publisher)
@@ -227,22 +227,35 @@ class MonitorNode:
     def _som_changed(self, som: Som) -> None:
         """Subscribe new topics by and by, end the subscriptions of those that left."""
         som = with_unknowns(_share(self._arguments, som), message_types.layout)
-        topics = list(som.topics())
-        heard = set(self._subscriptions.topics)
         self._feed(events.SomChanged(clock.now(), som))
-        self._to_watch = deque(topic for topic in topics if topic not in heard)
-        for topic in heard - set(topics):
-            self._subscriptions.unsubscribe(topic)
-            rospy.loginfo("%s is no longer watched.", topic)
+        self._topics = set(som.topics())
+        for topic in som.topics():
+            if topic not in self._pending and topic not in self._subscriptions.topics:
+                self._pending.add(topic)
+                self._registrations.put(topic, partial(self._subscribe, topic))
+        for topic in set(self._subscriptions.topics) - self._topics - self._pending:
+            self._leave(topic)
 
-    def _subscribe_next(self) -> None:
-        if self._to_watch and clock.now() >= self._subscribe_at:
-            self._subscribe_at = clock.now() + settings.PAUSE_S
-            topic = self._to_watch[0]
+    def _subscribe(self, topic: str) -> None:
+        """Called in a thread that may wait for the master."""
+        try:
             self._subscriptions.subscribe(topic)
-            self._to_watch.popleft()
+        except Exception:  # whatever it is, it is tried again, and said
+            self._registrations.put(topic, partial(self._subscribe, topic))
+            raise
+        self._inbox.put(partial(self._subscribed, topic))
+
+    def _subscribed(self, topic: str) -> None:
+        if topic in self._pending:
+            self._pending.discard(topic)
             self._feed(events.Subscribed(clock.now(), topic))
             rospy.loginfo("%s is watched.", topic)
+            if topic not in self._topics:
+                self._leave(topic)
+
+    def _leave(self, topic: str) -> None:
+        self._registrations.put(topic, self._subscriptions.unsubscribe(topic))
+        rospy.loginfo("%s is no longer watched.", topic)
 
 
 def _read(arguments: argparse.Namespace) -> Som:

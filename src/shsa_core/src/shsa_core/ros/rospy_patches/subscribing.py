@@ -5,13 +5,17 @@ Faults of rospy 1.15 to 1.17: it buffers any length that is claimed for a header
 publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
 takes that call for a header, and serves nobody until it ends. It reads each connection in a thread
 that calls back, not saying when one ended, or when a message came. One that was refused stays in
-`connections`, so that no other is made to that node.
+`connections`, so that no other is made to that node. Nobody asks for another connection in place of
+one that ended or was refused: who subscribed a table hears nothing of it any more.
 """
 import socket
 import struct
+import threading
 import time
 import weakref
-from typing import Any, Callable, Type
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, Type
 
 import genpy
 import rospy
@@ -19,11 +23,13 @@ from rosgraph.network import decode_ros_handshake_header
 from rospy.exceptions import TransportInitError, TransportTerminated
 from rospy.impl import masterslave, tcpros_pubsub
 from rospy.impl.registration import Registration, get_topic_manager
+from rospy.impl.tcpros import get_tcpros_handler
 from rospy.topics import _SubscriberImpl
 
+from shsa_core.agenda import doubled
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import node_api
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, ask, node_api, uri_of
 
 LENGTH = struct.Struct("<I")
 
@@ -96,18 +102,89 @@ def bound_messages(transport: Any, largest: int) -> None:
     transport.protocol.read_messages = read_messages
 
 
-class _Bounded(_SubscriberImpl):
-    """rospy's side of a subscription, within bounds."""
+class _Asking(_SubscriberImpl):
+    """rospy's side of a subscription that asks for connections by itself, too."""
+
+    def connects(self, uri: str) -> bool:
+        """Return whether a connection to the node at `uri` stands or is under way."""
+        with self.c_lock:
+            return any(each.endpoint_id == uri for each in self.connections)
+
+    def connect(self, uri: str) -> bool:
+        """Connect as rospy does when the master tells it of a publisher. Raises one of FAILURES."""
+        if self.connects(uri):
+            return True
+        protocol = ask(uri, "requestTopic", self.resolved_name, [["TCPROS"]])
+        if not protocol or self.connects(uri):  # rospy was faster
+            return bool(protocol)
+        create = get_tcpros_handler().create_transport
+        return bool(create(self.resolved_name, uri, protocol)[0] == 1)
+
+
+@dataclass
+class _Lost:
+    """A publisher whose connection has ended, or was refused; asked for another at `due`."""
+
+    publisher: str
+    due: float
+    pauses: int = 0
+
+
+class _Bounded(_Asking):
+    """rospy's side of a subscription, within bounds; a connection that is lost is made anew.
+
+    Its publisher is asked after pauses that grow, until it is gone: it listens no more, or the
+    master knows it elsewhere; or says for a minute that it does not offer the topic.
+    """
 
     def __init__(self, name: str, kind: Type[genpy.Message], largest: int) -> None:
         super().__init__(name, kind)
         self._largest = largest
+        self._lost: Dict[str, _Lost] = {}  # by URI
 
     def add_connection(self, transport: Any) -> bool:
         """Called by rospy for every new connection."""
         bound_header(transport)
         bound_messages(transport, self._largest)
+        transport.set_cleanup_callback(self._ended)
         return bool(super().add_connection(transport))
+
+    def _ended(self, transport: Any) -> None:
+        """Called by rospy, in any thread and with any lock; its next `check` may find it due."""
+        lost = _Lost(transport.callerid_pub, time.monotonic() + settings.FIRST_PAUSE_S)
+        self._lost.setdefault(transport.endpoint_id, lost)
+
+    def check(self) -> None:
+        """Called by rospy every 0.5 s, in a thread that is not to wait."""
+        super().check()
+        now = time.monotonic()
+        for uri, lost in [each for each in list(self._lost.items()) if each[1].due <= now]:
+            del self._lost[uri]  # first: what ends from now on is noted anew
+            if not self.has_connection(uri):
+                self._lost[uri], lost.due = lost, float("inf")
+                asking = threading.Thread(target=self._ask, args=(uri, lost), daemon=True)
+                try:
+                    asking.start()
+                except (RuntimeError, MemoryError):
+                    lost.due = now  # no thread: at the next look
+
+    def _ask(self, uri: str, lost: _Lost) -> None:
+        pause = doubled(settings.FIRST_PAUSE_S, lost.pauses + 1, settings.LONGEST_PAUSE_S)
+        gone = self.closed or rospy.is_shutdown()
+        try:
+            if not gone:
+                self.connect(uri)
+        except BadAnswer:  # it may be about to register the topic
+            gone = pause >= settings.LONGEST_PAUSE_S
+        except FAILURES as error:  # who is cut off, or waits for a processor, does not answer
+            gone = isinstance(error, ConnectionRefusedError)
+            if not gone and lost.publisher != "unknown":  # who has sent no header
+                with suppress(*FAILURES):
+                    gone = uri_of(lost.publisher) != uri
+        finally:  # whatever a strange node answers
+            if gone:
+                self._lost.pop(uri, None)
+            lost.pauses, lost.due = lost.pauses + 1, time.monotonic() + pause
 
 
 def subscribe(
@@ -121,7 +198,7 @@ def subscribe(
         return rospy.Subscriber(topic, kind, heard, tcp_nodelay=True)
 
 
-class HandedOver(_SubscriberImpl):
+class HandedOver(_Asking):
     """rospy's side of a subscription whose connections somebody else reads.
 
     `made(transport)` is called once a connection stands, `closed` when rospy has closed one; from
@@ -153,8 +230,3 @@ class HandedOver(_SubscriberImpl):
         transport.receive_loop = lambda callback: made(weak())
         transport.set_cleanup_callback(self._closed)
         return bool(super().add_connection(transport))
-
-    def connects(self, uri: str) -> bool:
-        """Return whether a connection to the node at `uri` stands or is under way."""
-        with self.c_lock:
-            return any(each.endpoint_id == uri for each in self.connections)

@@ -13,12 +13,10 @@ from functools import partial
 from time import monotonic as _now
 from typing import Callable, Dict, List, Optional, Tuple
 
-from rospy.impl.tcpros import get_tcpros_handler
-
 from shsa_core.agenda import doubled
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, ask, family
-from shsa_core.ros.master.node_api import topics, uri_of
+from shsa_core.ros.master.node_api import FAILURES, BadAnswer, address, family, topics
+from shsa_core.ros.master.node_api import uri_of
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
@@ -166,7 +164,7 @@ class Reconnection:
         gone = False
         try:
             with suppress(BadAnswer):
-                willing = _connect(doubt.topic, doubt.uri, doubt.implementation)
+                willing = doubt.implementation.connect(doubt.uri)
             gone = not (willing or topics(doubt.uri))  # offering nothing, it is shutting down
         except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing
             willing = None
@@ -176,13 +174,3 @@ class Reconnection:
                     gone = uri_of(doubt.publisher) != doubt.uri
         finally:  # whatever a strange node answers, it is not willing
             self._tell(doubt.topic, lambda: self._answered(doubt, willing, gone))
-
-
-def _connect(topic: str, uri: str, implementation: HandedOver) -> bool:
-    """Connect as rospy does when the master tells it of a publisher. Raises one of FAILURES."""
-    if implementation.connects(uri):
-        return True
-    protocol = ask(uri, "requestTopic", topic, [["TCPROS"]])
-    if not protocol or implementation.connects(uri):  # rospy was faster
-        return bool(protocol)
-    return bool(get_tcpros_handler().create_transport(topic, uri, protocol)[0] == 1)

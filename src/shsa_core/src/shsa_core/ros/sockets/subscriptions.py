@@ -129,14 +129,15 @@ class Subscriptions:
         implementation = self.topics[topic] = HandedOver(topic, made, closed)
         implementation.subscribe()
 
-    def unsubscribe(self, topic: str) -> None:
-        """End the subscription of `topic` and its connections."""
+    def unsubscribe(self, topic: str) -> Callable[[], None]:
+        """Read `topic` no more; return what ends its subscription, and waits for the master."""
         implementation = self.topics.pop(topic)
         for connection in list(self._standing.values()):
             if connection.topic == topic:
                 self._forget(connection)
+                connection.transport.close()  # or what comes on it would wake the reader
         self._reconnection.forget(topic)
-        implementation.subscriber.unregister()
+        return lambda: implementation.subscriber.unregister()
 
     def choose_waking(self) -> None:
         """Ask again of each topic whether it wakes."""
