@@ -4,7 +4,7 @@ from typing import Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
-from shsa_core.language.memory import longest_gap
+from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.substitution import Substitution
@@ -49,8 +49,9 @@ class Job:
             named = ", ".join(row.topics) or "none"
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
-        gap = longest_gap(self.period)
-        program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
+        over = spans(self.period, (each.period for each in row.inputs))
+        how = longest_gap(self.period), self._turned, over
+        program = compile_program(row.code, len(row.inputs), len(row.outputs), *how)
         self._program = program
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
@@ -62,6 +63,9 @@ class Job:
         self.latest: Optional[Tuple[float, ...]] = None  # what it yielded last, if anything
         self._stepped = self._rests_until = -math.inf
         self._misses, self._allowed = 0, settings.FIRST_MISSES
+        if self.timed and self.period:  # a derivative of a derivative takes three samples
+            slowest = max(each.period or 0.0 for each in row.inputs)
+            self._allowed += math.ceil(3.0 * slowest / self.period)
         self._complained = False
 
     def _take(self, row: Substitution) -> None:
@@ -86,6 +90,11 @@ class Job:
 
     def _keep_phase(self, schedule: Schedule, now: float) -> None:
         self.schedule = Schedule(self.period, min(schedule.due, now + (self.period or math.inf)))
+
+    @property
+    def timed(self) -> bool:
+        """Return if it needs to be told the times of its inputs."""
+        return self._program.timed
 
     @property
     def integrates(self) -> bool:
@@ -134,8 +143,8 @@ class Job:
         rests = -math.inf if hurries or self._program.remembers else self._rests_until
         return max(self.schedule.due, rests)
 
-    def evaluate(self, values: Tuple[float, ...], now: float) -> bool:
-        """Set `latest` to what the program yields of its inputs' `values`.
+    def evaluate(self, values: Tuple[float, ...], now: float, at: Tuple[float, ...] = ()) -> bool:
+        """Set `latest` to what the program yields of its inputs' `values`, which are of times `at`.
 
         Return if it has just been without a value for so long that another law may be better. Of
         two evaluations in close succession the second is left out: no derivative is taken of that.
@@ -146,7 +155,7 @@ class Job:
         if self.latest is not None and now < soonest:
             return False
         self._stepped = now
-        self.latest = self._calibrated(self._program.step(values, now))
+        self.latest = self._calibrated(self._program.step(values, now, at))
         if self.latest is not None:
             self._misses, self._allowed = 0, settings.MISSES
             return False

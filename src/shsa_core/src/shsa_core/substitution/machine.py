@@ -313,7 +313,8 @@ class Substitute:
             return []
         goes = False
         if self._now >= self.reads_at:
-            if job.evaluate(values, self._now):
+            at = self._readings.times(job.inputs, self._now) if job.timed else ()
+            if job.evaluate(values, self._now, at):
                 commands += [events.TellNoValue(self.row.service, job.topic)]
             elif self._may_publish(job):
                 if not self.row.gated or self.row.publishing:
