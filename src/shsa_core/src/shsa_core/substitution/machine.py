@@ -141,7 +141,7 @@ class Substitute:
         self._take_up_voice(by_row=True)
         if last is not None and job is not None:
             if another_message or not publishes or job.unstarted:
-                job.start(last.values)
+                job.start(last.values, self._stamps.time(last.stamp))
                 self._stamps.begin(job.topic, last.stamp)
         return commands + self._compose(last)
 
