@@ -1,6 +1,7 @@
 """Several hot substitutes in one process: who shares one, and what each does there."""
 from dataclasses import replace
-from typing import Any, Dict, List, Set
+from types import MappingProxyType
+from typing import Any, Dict, List, Mapping, Set
 
 import pytest
 from core_robot import Robot, function, has, only, publishing, service
@@ -21,10 +22,21 @@ NAMES = "abcdef"
 HOST = "/substitute_host_3"
 
 
-def robot(nodes: str = NAMES, most: int = 2, period: Any = 0.02) -> Robot:
+def robot(
+    nodes: str = NAMES,
+    most: int = 2,
+    period: Any = 0.02,
+    topics: Mapping[str, str] = MappingProxyType({}),
+) -> Robot:
     """Hot services a to f of some nodes; each can be computed from z. What starts comes up."""
     services = [
-        service(name, f"/{node}", needed=True, standby=Standby.HOT)
+        service(
+            name,
+            f"/{node}",
+            needed=True,
+            standby=Standby.HOT,
+            **({"topic": topics[name]} if name in topics else {}),
+        )
         for name, node in zip(NAMES, nodes)
     ]
     laws = [function(f"of_{name}", name, "2 * z", 0.9) for name in NAMES]
@@ -64,6 +76,13 @@ def test_the_first_have_a_process_each_and_those_beyond_share_some() -> None:
 def test_none_share_one_that_a_single_fault_has_publish() -> None:
     found = robot(nodes="xxxxxx")
     assert sorted(processes(found).values()) == list(NAMES)
+
+
+def test_none_share_one_with_another_of_their_topic() -> None:
+    """A process composes one message a topic."""
+    found = robot(topics={"c": "/joint_states", "d": "/joint_states"})
+    (of_c,) = (services for services in processes(found).values() if "c" in services)
+    assert "d" not in of_c
 
 
 def test_without_a_number_each_has_its_own() -> None:

@@ -242,6 +242,8 @@ class Gate:
             return []
         if period is not None and time - self._last_out < settings.APART * period:
             return []
+        if period is None and newest.time <= self._last_out:
+            return []  # consumers have heard it, or a later one of the node
         self._substitutes_stamp = stamp = self._stamp_of(newest, time)
         return self._pass(newest, time, stamp)
 

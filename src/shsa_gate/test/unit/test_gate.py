@@ -279,10 +279,27 @@ def test_an_event_driven_service_is_filtered_and_never_late() -> None:
     stand.substitute()
     assert stand.core.next_deadline == math.inf
     assert stand.message(1.0, stamp=5) and not stand.message(math.nan, stamp=6)
+    stand.until(1.0)
     stand.message(2.0, SUBSTITUTE, stamp=9)
     assert [(each.publisher, each.stamp) for each in stand.message(math.nan, stamp=7)] == [
         (SUBSTITUTE, None)
     ]
+
+
+def test_an_event_driven_value_of_a_substitute_is_heard_once_and_after_no_newer_one() -> None:
+    stand = Stand(replace(GATED, period=None))
+    stand.substitute()
+    stand.until(1.0)
+    stand.message(2.0, SUBSTITUTE)
+    stand.until(599.0)
+    assert stand.message(7.0)
+    stand.until(600.0)
+    assert not stand.message(math.nan), "the node has said something newer"
+    stand.message(3.0, SUBSTITUTE)
+    stand.until(601.0)
+    assert stand.message(math.nan)
+    stand.until(602.0)
+    assert not stand.message(math.nan), "it was heard"
 
 
 def test_what_goes_out_has_the_very_bytes_that_came() -> None:

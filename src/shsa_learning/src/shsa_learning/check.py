@@ -26,7 +26,7 @@ from shsa_learning.ranges.analysis import find_troubles, narrowed
 from shsa_learning.ranges.interval import Interval
 from shsa_learning.schedulability import check_placements, takeovers
 from shsa_learning.type_check import check_healable, check_types
-from shsa_learning.units.mismatches import check_units
+from shsa_learning.units.mismatches import check_angles, check_units
 
 SLOW = 5.0  # periods of a service: an input that is slower makes it repeat old values
 
@@ -74,6 +74,7 @@ def check_model(ontology: Ontology, som: Optional[Som] = None) -> List[Finding]:
     if som is not None:
         known = [s for s in som.sources if s.property in ontology.properties]
         findings += _check_names(ontology, som)
+        findings += check_angles(ontology, som)
         findings += _check_wishes(ontology, som)
         findings += _check_reach(ontology, known)
         findings += _check_needed(ontology, som)

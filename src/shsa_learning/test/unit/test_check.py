@@ -338,6 +338,21 @@ services:
     assert bool(told) == (has_heading or warns)
 
 
+@pytest.mark.parametrize(
+    "unit, wrong", [("rad", False), ("deg", True), ("m", True), ("", False), ("foo", False)]
+)
+def test_an_angle_of_a_quaternion_is_in_rad(check: Check, unit: str, wrong: bool) -> None:
+    som = """
+services:
+  imu: {topic: /imu, type: sensor_msgs/Imu, node: /imu, period: 0.1,
+        provides: {heading: {field: yaw(orientation)}}}
+"""
+    found = check(f"properties: {{heading: {{unit: '{unit}'}}}}\nrelations: {{}}", som)
+    told = [each for each in brief(found) if "is in rad" in each[2]]
+    what = f"imu: yaw(orientation) is in rad, but heading in {unit}"
+    assert told == ([("error", "s.yaml:4", what)] if wrong else [])
+
+
 def findings(tmp_path: pathlib.Path, where: str, function: str, constraint: str) -> List[str]:
     (tmp_path / "o.yaml").write_text(
         f"properties: {{v: , u: , i: }}\nrelations:\n  r:\n    i:\n      where: {{{where}}}\n"

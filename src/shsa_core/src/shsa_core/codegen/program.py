@@ -7,13 +7,14 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.errors import CodeError
 from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
-from shsa_core.language.memory import MAX_GAP_S, Memory, integral, previous
+from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, previous
 from shsa_core.language.trees import literal, name_nodes, row
 
-INTEGRAL = "integral"
+INTEGRAL, DERIVATIVE = "integral", "derivative"
 MemoryOf = Callable[[str], Tuple[str, str]]
 """Make a memory for one use of a stateful function; return its name and its value's."""
-Step = Callable[[Sequence[float], float], Optional[Tuple[float, ...]]]
+Step = Callable[..., Optional[Tuple[float, ...]]]
+Over = Optional[Tuple[float, float]]
 Correct = Optional[Callable[[int, float], float]]
 
 
@@ -24,27 +25,35 @@ class CompiledProgram:
     `step(x, now)` takes the inputs (floats, in order) and the time `now` (s, one clock). It returns
     the outputs, all finite, or None: an input is not finite, a constraint is false, a result is not
     defined (a division by zero, the root of a negative number, an overflow), or a stateful function
-    needs more samples.
+    needs more samples. `step(x, now, at)` has also the times of the inputs (s, one clock, which may
+    be another); a derivative is by those, so that an input that is held has no spikes.
 
     `integrals`: for each output that is nothing but an integral, its sum, which may be set; else
     None. `hidden`: there are other integrals, which start at 0. `remembers`: it must see every
-    sample.
+    sample. `timed`: it uses the times of inputs.
     """
 
     step: Step
     integrals: Tuple[Optional[List[float]], ...] = ()
     hidden: bool = False
     remembers: bool = False
+    timed: bool = False
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, correct: Correct = None
+    code: str,
+    n_inputs: int,
+    n_outputs: int,
+    max_gap: float = MAX_GAP_S,
+    correct: Correct = None,
+    over: Over = None,
 ) -> CompiledProgram:
     """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
 
-    `correct` gets an output's number and value, and returns what all else is computed from.
+    Derivatives are taken `over` so many s, from and to. `correct` gets an output's number and
+    value, and returns what all else is computed from.
     """
-    return _Compiler(max_gap, correct).compile(check_code(code, n_inputs, n_outputs))
+    return _Compiler(max_gap, correct, over).compile(check_code(code, n_inputs, n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
@@ -125,20 +134,28 @@ class _Compiler:
     before, so that each sees every sample. Without `max_gap` (s) the inputs stand still.
     """
 
-    def __init__(self, max_gap: Optional[float], correct: Correct = None) -> None:
+    def __init__(
+        self, max_gap: Optional[float], correct: Correct = None, over: Over = None
+    ) -> None:
         self._max_gap = MAX_GAP_S if max_gap is None else max_gap
+        self._over = over or (0.0, self._max_gap)
         self._steady = max_gap is None
         self._memories = 0
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
+        self._derived: Set[str] = set()  # variables that hold derivatives
+        self._times: Dict[str, Set[str]] = {"now": {"now"}, ELAPSED: {"now"}}  # of variables
+        self._timed = False
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": math.pow, "nan": math.nan}
         self._names.update({name: each.call for name, each in FUNCTIONS.items()}, correct=correct)
         self._names.update({"ArithmeticError": ArithmeticError, "ValueError": ValueError})
 
     def compile(self, code: CheckedCode) -> CompiledProgram:
         """Compile the whole program."""
-        lines = ["def step(x, now):"]
+        lines = ["def step(x, now, at=None):"]
         inputs = [f"t{i}" for i in range(code.n_inputs)]
+        times = [f"a{i}" for i in range(code.n_inputs)]
+        self._times.update({name: {time} for name, time in zip(inputs, times)})
         if inputs:
             lines.append(f"  {', '.join(inputs)}, = x")
         outputs = enumerate(code.outputs if self._names["correct"] else ())
@@ -149,6 +166,8 @@ class _Compiler:
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
             lines += correct.get(relation.result, ())
+        if self._timed:
+            lines.insert(1, f"  {', '.join(times)}, = at or (now,) * {len(times)}")
         lines.append(f"  if {_finite(code.outputs)}: return ({', '.join(code.outputs)},)")
         lines.append("  return None")
         tree = Fill(self._parts).visit(ast.parse("\n".join(lines)))
@@ -160,9 +179,10 @@ class _Compiler:
             exec(compile(tree, "<substitute>", "exec"), self._names)
         except RecursionError as error:  # who calls is deep in calls already
             raise CodeError("the code is nested too deeply to be compiled here") from error
+        step = self._names["step"]
         sums = tuple(self._sums.get(output) for output in code.outputs)
         hidden = any(all(each is not sum_ for sum_ in sums) for each in self._sums.values())
-        return CompiledProgram(self._names["step"], sums, hidden, self._memories > 0)
+        return CompiledProgram(step, sums, hidden, self._memories > 0, self._timed)
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
         """Return the lines that give the relation its value; each step is evaluated for itself."""
@@ -189,12 +209,15 @@ class _Compiler:
         if relation.arguments:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
+        self._times[relation.result] = self._times_of(expression)
         return [f"{relation.result} = nan"] + lines
 
     def _take_calls(self, inline: Inline) -> List[str]:
         """Evaluate the stateful calls met since the last time, each into its variable."""
         lines: List[str] = []
         for name, call in inline.calls:
+            if name in self._derived and isinstance(call, ast.Call):
+                call.args[-1] = self._moment(call.args[0])
             lines += self._assign(name, call, inline.ready)
             inline.ready.append(name)
         inline.calls.clear()
@@ -204,8 +227,21 @@ class _Compiler:
         """Evaluate the tree into a variable, if those of `ready` that it uses have values."""
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         needed = [each for each in ready if each in used]
+        self._times[name] = self._times_of(tree)
         holds = f"if {_finite(needed)}: " if needed else ""
         return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
+
+    def _times_of(self, tree: ast.AST) -> Set[str]:
+        """Return the variables with the times of what a tree is computed from."""
+        names = (node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+        return set().union(*(self._times.get(name, ()) for name in names))
+
+    def _moment(self, tree: ast.expr) -> ast.expr:
+        """Return the time of a value: of its newest input, or now if another memory gives it."""
+        found = self._times_of(tree) or {"now"}
+        self._timed = self._timed or "now" not in found
+        text = "now" if "now" in found else f"max([{', '.join(sorted(found))}])"
+        return ast.parse(text, mode="eval").body
 
     def _part(self, tree: ast.expr) -> str:
         name = f"_part{len(self._parts)}"
@@ -224,6 +260,9 @@ class _Compiler:
         if function == INTEGRAL:
             memory = self._remember(integral(self._max_gap, total))
             self._sums[f"value_of{memory}"] = total
+        elif function == DERIVATIVE:
+            memory = self._remember(derivative(self._over[1], self._over[0]))
+            self._derived.add(f"value_of{memory}")
         else:
             memory = self._remember(STATEFUL[function].call(self._max_gap))
         return memory, f"value_of{memory}"

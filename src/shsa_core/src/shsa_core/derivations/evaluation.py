@@ -9,7 +9,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
-from shsa_core.language.memory import longest_gap
+from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import difference, is_angle
@@ -233,8 +233,10 @@ class Derivations:
                 for output, derivation, stated in zip(each.outputs, plan.derivations, plan.errors):
                     output.derivation, output.stated = derivation, stated
                 return each
-        gap = longest_gap(plan.outputs[0].service.period)
-        program = compile_program(plan.program.code, len(plan.inputs), len(plan.outputs), gap)
+        period, code = plan.outputs[0].service.period, plan.program.code
+        over = spans(period, (source.service.period for source in plan.inputs))
+        size = len(plan.inputs), len(plan.outputs)
+        program = compile_program(code, *size, longest_gap(period), over=over)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
         outputs = tuple(map(Output, plan.outputs, plan.derivations, plan.errors, integrates))
         made = FollowedPlan(plan, outputs, program.step, program.remembers)
@@ -314,18 +316,18 @@ class Derivations:
 
     def _evaluate(self, followed: FollowedPlan, time: float) -> None:
         known = [self._value(source, time) for source in followed.plan.inputs]
-        inputs = [value for value in known if value is not None]
-        derived = followed.step(inputs, time) if len(inputs) == len(known) else None
+        at, inputs = zip(*filter(None, known)) if any(known) else ((), ())
+        derived = followed.step(inputs, time, at) if len(inputs) == len(known) else None
         sound = all(self._services[name].sound for name in followed.reads)
         followed.doubtful = derived is None or not sound
         for number, output in enumerate(followed.outputs):
             value = None if derived is None else derived[number]
             output.derived = value if value is not None and isfinite(value) else None
 
-    def _value(self, source: Source, time: float) -> Optional[float]:
-        """Return the newest value of a source; None if it is stale."""
+    def _value(self, source: Source, time: float) -> Optional[Tuple[float, float]]:
+        """Return the newest value of a source, and when it was; None if it is stale."""
         found = self._services[source.service.name].values.get(source.property)
         deadline = self._deadlines.of(source.service)
         if found is None or (deadline is not None and time - found[0] > deadline):
             return None
-        return found[1]
+        return (time if deadline is None else found[0]), found[1]

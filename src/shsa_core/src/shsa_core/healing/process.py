@@ -27,9 +27,9 @@ class Processes:
     """The processes that run: where, and for which services.
 
     The first `hot_hosts` hot substitutes on our own computer have a process each; those after
-    them share processes of so many at most. None share one whose services the same node
-    publishes: so no single fault has two of a process publish, and the end of a process takes no
-    more away than where each has its own.
+    them share processes of so many at most. None share one whose services are of one node, or of
+    one topic: so no single fault has two of a process publish, and its end takes no more away than
+    where each has its own.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -39,7 +39,7 @@ class Processes:
         self.substitutes: Dict[str, "Substitute"] = {}
         self._most = robot.settings.hot_hosts
         self._robot = robot
-        self._services: Dict[str, Dict[str, str]] = {}  # by process; and whose they are
+        self._services: Dict[str, Dict[str, Service]] = {}  # by process, and name
         self.placement = Placement(robot.computers, self._placed, lambda: robot.som)
         self._shared: Dict[str, None] = {}  # processes that several share
         self._alone: Set[str] = set()  # services whose hot substitute has its own process
@@ -110,7 +110,8 @@ class Processes:
         node = "" if spare is None else spare.node
         if shared:
             roomy = (each for each in self._shared if len(self._services[each]) < self._most)
-            fits = (n for n in roomy if service.node not in self._services[n].values())
+            apart = lambda each: service.node != each.node and service.topic != each.topic
+            fits = (n for n in roomy if all(map(apart, self._services[n].values())))
             node = next(fits, "")
         elif node:
             self.pool.take(time, node)
@@ -135,8 +136,7 @@ class Processes:
 
     def take_up(self, service: Service, node: str, shared: bool) -> None:
         """Note that a process works for a service."""
-        services = self._services.setdefault(node, {})
-        services[service.name] = service.node
+        self._services.setdefault(node, {})[service.name] = service
         if shared:
             self._shared[node] = None
         elif standby(service) is Standby.HOT:

@@ -171,7 +171,7 @@ CALLS: Mapping[str, Function] = {
     ),
     "derivative": Function(
         "x",
-        "the change of x since the evaluation before, per second",
+        "the change of x since its sample before, per second",
         memory.derivative,
         stateful=True,
     ),

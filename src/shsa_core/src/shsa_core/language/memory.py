@@ -1,7 +1,7 @@
 """Functions that remember earlier samples."""
 import math
 from collections import deque
-from typing import Callable, Deque, List, Optional, Tuple
+from typing import Callable, Deque, Iterable, List, Optional, Tuple
 
 from shsa_core.watch import INSTANT_S
 
@@ -25,6 +25,12 @@ def longest_gap(period: Optional[float]) -> float:
     return math.inf if period is None else max(MAX_GAP_S, GAP_PERIODS * period)
 
 
+def spans(period: Optional[float], inputs: Iterable[Optional[float]]) -> Tuple[float, float]:
+    """Return the times in s over which a derivative is taken, from and to; shorter ones are wild."""
+    slowest = max((each or 0.0 for each in inputs), default=0.0)
+    return 0.5 * (period or 0.0), max(longest_gap(period), longest_gap(slowest))
+
+
 def previous(max_gap: float = MAX_GAP_S) -> Memory:
     """Make `previous(x)`: the sample before."""
     last = before = result = NO_VALUE
@@ -43,8 +49,11 @@ def previous(max_gap: float = MAX_GAP_S) -> Memory:
     return sample
 
 
-def derivative(max_gap: float = MAX_GAP_S) -> Memory:
-    """Make `derivative(x)`: the change since the sample before, per second."""
+def derivative(max_gap: float = MAX_GAP_S, least: float = 0.0) -> Memory:
+    """Make `derivative(x)`: the change since the sample before, per second.
+
+    A sample less than `least` s after the last one is left out.
+    """
     last = before = result = NO_VALUE
 
     def sample(value: float, now: float) -> float:
@@ -52,7 +61,7 @@ def derivative(max_gap: float = MAX_GAP_S) -> Memory:
         if value - value != 0.0:
             return NO_VALUE
         passed = now - last
-        if passed != 0.0:
+        if not 0.0 <= passed < least and passed != 0.0:
             result = (value - before) / passed if 0.0 < passed <= max_gap else NO_VALUE
             last = now
             before = value

@@ -1,10 +1,11 @@
 """A program at work: when it is due, what it yielded last, and the stamp of that."""
 import math
-from typing import Dict, Iterable, List, Optional, Tuple
+from collections import deque
+from typing import Deque, Dict, Iterable, List, Optional, Tuple
 
 from shsa_core.codegen.program import compile_program
 from shsa_core.errors import ShsaError
-from shsa_core.language.memory import longest_gap
+from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.substitution import Substitution
@@ -49,8 +50,9 @@ class Job:
             named = ", ".join(row.topics) or "none"
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
-        gap = longest_gap(self.period)
-        program = compile_program(row.code, len(row.inputs), len(row.outputs), gap, self._turned)
+        over = spans(self.period, (each.period for each in row.inputs))
+        how = longest_gap(self.period), self._turned, over
+        program = compile_program(row.code, len(row.inputs), len(row.outputs), *how)
         self._program = program
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
@@ -58,10 +60,14 @@ class Job:
         self.unstarted = {signal.field for signal, sum_ in sums if sum_ is not None}
         self._begins: Dict[str, float] = {}  # where angles go on from
         self._shifts: Dict[str, float] = {}  # what is added to them since
+        self._computed: Dict[str, Deque[Tuple[float, float]]] = {}  # lately, by time
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None  # what it yielded last, if anything
         self._stepped = self._rests_until = -math.inf
         self._misses, self._allowed = 0, settings.FIRST_MISSES
+        if self.timed and self.period:  # a derivative of a derivative takes three samples
+            slowest = max(each.period or 0.0 for each in row.inputs)
+            self._allowed += math.ceil(3.0 * slowest / self.period)
         self._complained = False
 
     def _take(self, row: Substitution) -> None:
@@ -88,6 +94,11 @@ class Job:
         self.schedule = Schedule(self.period, min(schedule.due, now + (self.period or math.inf)))
 
     @property
+    def timed(self) -> bool:
+        """Return if it needs to be told the times of its inputs."""
+        return self._program.timed
+
+    @property
     def integrates(self) -> bool:
         """Return if it sums up, and so is as good as where it last started from."""
         return self._program.hidden or any(each is not None for each in self._program.integrals)
@@ -101,8 +112,11 @@ class Job:
         errors = (None if each.error is None else each.error.rms for each in self.outputs)
         return tuple((each.field, error or None) for each, error in zip(self.outputs, errors))
 
-    def start(self, values: Iterable[Tuple[str, float]]) -> None:
-        """Go on from the last good values: of integrals, and of angles, which have any zero."""
+    def start(self, values: Iterable[Tuple[str, float]], at: Optional[float] = None) -> None:
+        """Go on from the last good values: of integrals, and of angles, which may have any zero.
+
+        An angle has the zero that makes it good `at` a time; None: now.
+        """
         self._complained = False
         known = {field: value for field, value in values if math.isfinite(value)}
         for signal, sum_ in zip(self.outputs, self._program.integrals):
@@ -110,8 +124,13 @@ class Job:
                 sum_[0] = known[signal.field]
                 self.unstarted.discard(signal.field)
                 self.latest = None
-            elif signal.field in known and is_angle(signal.field):
-                self._begins[signal.field] = known[signal.field]
+            elif signal.field in known and is_angle(signal.field) and signal.error is None:
+                then = self._computed.get(signal.field, ()) if at is not None else ()
+                near = min(then, key=lambda each: abs(each[0] - (at or 0.0)), default=None)
+                if near is None:
+                    self._begins[signal.field] = known[signal.field]
+                else:
+                    self._shifts[signal.field] = known[signal.field] - near[1]
                 self.latest = None
 
     def complain(self) -> List[Log]:
@@ -130,12 +149,13 @@ class Job:
         return said
 
     def due(self, hurries: bool) -> float:
-        """Return when to evaluate: once a period if it `hurries` or remembers, else seldom."""
-        rests = -math.inf if hurries or self._program.remembers else self._rests_until
+        """Return when to evaluate: once a period if it `hurries` or remembers anything, else seldom."""
+        works = hurries or self._program.remembers or self._computed
+        rests = -math.inf if works else self._rests_until
         return max(self.schedule.due, rests)
 
-    def evaluate(self, values: Tuple[float, ...], now: float) -> bool:
-        """Set `latest` to what the program yields of its inputs' `values`.
+    def evaluate(self, values: Tuple[float, ...], now: float, at: Tuple[float, ...] = ()) -> bool:
+        """Set `latest` to what the program yields of its inputs' `values`, which are of times `at`.
 
         Return if it has just been without a value for so long that another law may be better. Of
         two evaluations in close succession the second is left out: no derivative is taken of that.
@@ -146,7 +166,7 @@ class Job:
         if self.latest is not None and now < soonest:
             return False
         self._stepped = now
-        self.latest = self._calibrated(self._program.step(values, now))
+        self.latest = self._calibrated(self._program.step(values, now, at))
         if self.latest is not None:
             self._misses, self._allowed = 0, settings.MISSES
             return False
@@ -162,15 +182,18 @@ class Job:
         return found if values is not None and all(map(math.isfinite, found)) else None
 
     def _turned(self, number: int, value: float) -> float:
-        """Return an angle by its offset; one without goes on from the last good value."""
+        """Return an angle by its offset; one of no known error goes on from the last good value."""
         signal = self.outputs[number]
         field = signal.field
         if not is_angle(field):
             return value
-        if signal.gain != 1.0 or signal.offset:
+        if signal.error is not None or signal.gain != 1.0 or signal.offset:
             return signal.gain * value + signal.offset
-        if field in self._begins and math.isfinite(value):
-            self._shifts[field] = self._begins.pop(field) - value
+        if math.isfinite(value):
+            computed = self._computed.setdefault(field, deque(maxlen=settings.ANGLES_KEPT))
+            computed.append((self._stepped, value))
+            if field in self._begins:
+                self._shifts[field] = self._begins.pop(field) - value
         return value + self._shifts.get(field, 0.0)
 
 
@@ -203,6 +226,10 @@ class Stamps:
     def begin(self, topic: str, stamp: int) -> None:
         """The last good message of a topic had this stamp."""
         self._latest[topic] = max(stamp, self._latest.get(topic, 0))
+
+    def time(self, stamp: int) -> Optional[float]:
+        """Return when a stamp was, by the clock of the events; None: not known."""
+        return (stamp - self._ahead) / 1e9 if stamp and self._ahead is not None else None
 
     def latest(self, topic: str) -> int:
         """Return the newest stamp on a topic; 0: none yet."""

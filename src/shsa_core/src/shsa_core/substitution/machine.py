@@ -141,7 +141,7 @@ class Substitute:
         self._take_up_voice(by_row=True)
         if last is not None and job is not None:
             if another_message or not publishes or job.unstarted:
-                job.start(last.values)
+                job.start(last.values, self._stamps.time(last.stamp))
                 self._stamps.begin(job.topic, last.stamp)
         return commands + self._compose(last)
 
@@ -313,7 +313,8 @@ class Substitute:
             return []
         goes = False
         if self._now >= self.reads_at:
-            if job.evaluate(values, self._now):
+            at = self._readings.times(job.inputs, self._now) if job.timed else ()
+            if job.evaluate(values, self._now, at):
                 commands += [events.TellNoValue(self.row.service, job.topic)]
             elif self._may_publish(job):
                 if not self.row.gated or self.row.publishing:

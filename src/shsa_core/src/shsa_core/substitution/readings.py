@@ -61,6 +61,15 @@ class Readings:
             found.append(value)
         return tuple(found)
 
+    def times(self, signals: Sequence[Signal], now: float) -> Tuple[float, ...]:
+        """Return the times of the values of `signals`, in s: their stamps, else when they came.
+
+        A value that holds until the next one is of now.
+        """
+        found = [(each.deadline, self._reading(each)) for each in signals]
+        read = (reading if deadline is not None else None for deadline, reading in found)
+        return tuple(each[2] / 1e9 or each[0] if each else now for each in read)
+
     def oldest(self, signals: Iterable[Signal]) -> int:
         """Return the oldest stamp of the values of `signals`, in ns; 0 if there are none.
 

@@ -10,6 +10,8 @@ REST_S = 0.25
 MISSES, FIRST_MISSES = 2, 10
 """Evaluations in a row without a value that are told, after a first value and before: filters need
 a few samples."""
+ANGLES_KEPT = 250
+"""Computed angles: as long as a failure takes to be seen, at 100 Hz."""
 
 # When it fills in for an original that is late.
 STEADY = 5

@@ -1,12 +1,13 @@
 """A derivation's program run over recorded data, as its substitute would have run."""
 import math
+from dataclasses import replace
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from shsa_core.codegen.generator import inputs_of
 from shsa_core.codegen.program import compile_program
-from shsa_core.language.memory import longest_gap
+from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
@@ -41,7 +42,7 @@ class Rehearsal:
     def __init__(self, recording: Recording, target: Source):
         series = recorded(recording, target)
         assert series is not None, "what was not measured cannot be compared"
-        self._recording = recording
+        self._recording, self._target = recording, target.service
         self._period = target.service.period or series.interval
         self._soonest = SHORTEST_SHARE * self._period
         self._gap = longest_gap(target.service.period)
@@ -58,7 +59,9 @@ class Rehearsal:
     def run(self, sources: Sequence[Source], program: Program, place: int = 0) -> Played:
         """Run a program that reads these sources; return its output at `place`."""
         n_outputs = len(program.outputs)
-        compiled = compile_program(program.code, len(program.inputs), n_outputs, self._gap)
+        over = spans(self._target.period, (each.service.period for each in sources))
+        how = self._gap, None, over
+        compiled = compile_program(program.code, len(program.inputs), n_outputs, *how)
         columns = [self._inputs(source) for source in sources]
         known = np.isfinite(self.measured)
         sum_ = compiled.integrals[place] if compiled.integrals else None
@@ -70,14 +73,26 @@ class Rehearsal:
         step, soonest = compiled.step, self._soonest
         last, latest = -math.inf, math.nan
         found: List[float] = []
-        for now, row in zip(self.time[there].tolist(), rows[there].tolist()):
+        at = self._moments(sources)[there].tolist() if compiled.timed else [()] * len(there)
+        for now, row, times in zip(self.time[there].tolist(), rows[there].tolist(), at):
             if latest != latest or now - last >= soonest:
-                output = step(row, now)
+                output = step(row, now, times)
                 latest = math.nan if output is None else output[place]
                 last = now
             found.append(latest)
         values[there] = found
         return Played(self.time, values, self.measured)
+
+    def _moments(self, sources: Sequence[Source]) -> np.ndarray:
+        """Return when the values of the inputs were measured; those that hold are of now."""
+        columns = []
+        for source in sources:
+            series = recorded(self._recording, source)
+            if series is None or source.service.period is None:
+                columns.append(self.time)
+            else:
+                columns.append(held(replace(series, values=series.time), self.time))
+        return np.stack(columns, axis=1)
 
     def _inputs(self, source: Source) -> np.ndarray:
         if source not in self._held:

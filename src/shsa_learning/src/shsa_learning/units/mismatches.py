@@ -1,12 +1,15 @@
 """Follows units through the laws of an ontology, and finds where they cannot match."""
 import ast
+from contextlib import suppress
 from fractions import Fraction
 from typing import Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, Union
 
 from shsa_core.language.expression import Expression, Law
 from shsa_core.language.functions import CONSTANTS, ELAPSED
 from shsa_core.language.trees import is_condition, literal, row
+from shsa_core.model.field import is_angle
 from shsa_core.model.ontology import Constant, Ontology, Property
+from shsa_core.model.som import Som
 from shsa_learning.finding import Finding
 from shsa_learning.units.unit import (
     NO_UNIT,
@@ -57,6 +60,20 @@ def check_units(ontology: Ontology) -> Iterator[Finding]:
                 level = "warning"
                 todo = "Correct it, or give the number that carries a unit a name in 'constants'"
             yield Finding(level, function.where, f"units of {name}: {text}", todo)
+
+
+def check_angles(ontology: Ontology, som: Som) -> Iterator[Finding]:
+    """Report the properties in another unit than rad that are angles of quaternions."""
+    for source in som.sources:
+        known, field = ontology.properties.get(source.property), source.provision.field
+        if known is None or not is_angle(field):
+            continue
+        with suppress(UnitError):  # which is reported with the property
+            unit, rad = parse_unit(known.unit), parse_unit("rad")
+            if unit is not None and rad is not None and not match(unit, rad):
+                what = f"{source.service.name}: {field} is in rad, but {known.name} in {known.unit}"
+                todo = f"Give {known.name} the unit rad, or provide another property"
+                yield Finding("error", source.provision.where, what, todo)
 
 
 def law_mismatches(law: Law, units: Units, result: Optional[Unit]) -> List[Mismatch]:
