@@ -1,10 +1,13 @@
 """Angles: a zero that may be any, and the turn that they make."""
+import math
 from dataclasses import replace
-from typing import Optional
+from typing import List, Optional
 
 import pytest
+from shsa_core.codegen.program import compile_program
 from shsa_core.model.error import Error
 from shsa_core.substitution import events
+from shsa_core.substitution.job import Job
 from substitute_driver import PERIOD, Driver, row, signal
 
 YAW = "yaw(pose.pose.orientation)"
@@ -34,3 +37,45 @@ def test_a_turning_robot_is_where_it_was_plus_its_turn(error: Optional[Error], z
     assert len(published) > 50
     for time, value in published:
         assert value == pytest.approx(time + zero, abs=2 * PERIOD)
+
+
+def turned(text: str, angle: bool = True) -> List[float]:
+    """What a program makes of an angle that turns by 1 rad/s for two turns, at 50 Hz."""
+    code = f"t0=x[0];\ndef _tf1(i1):\n  return {text}\nt1=_tf1(t0)\ny=t1"
+    step = compile_program(code, 1, 1, angles=[angle]).step
+    moments = [0.02 * number for number in range(640)]
+    found = [step((math.remainder(time, math.tau),), time) for time in moments]
+    return [each[0] for each in found if each is not None][100:]
+
+
+@pytest.mark.parametrize("text", ["derivative(i1)", "-derivative(2-i1)", "derivative(i1+i1)/2"])
+def test_an_angle_turns_by_the_shorter_way(text: str) -> None:
+    found = turned(text)
+    assert found == pytest.approx([1.0] * len(found))
+    assert min(turned(text, angle=False)) < -100.0
+
+
+def test_a_filtered_angle_lags_and_stays_within_a_turn() -> None:
+    found = turned("lowpass(i1, 0.1)")
+    for number, value in enumerate(found, 100):
+        assert math.remainder(0.02 * number - value, math.tau) == pytest.approx(0.1, abs=0.02)
+        assert abs(value) <= math.pi
+
+
+def test_what_is_filtered_or_passed_through_a_relation_is_an_angle_still() -> None:
+    found = turned("derivative(lowpass(i1, 0.1))")
+    assert found == pytest.approx([1.0] * len(found), abs=1e-3)
+    code = "t0=x[0];\ndef _tf1(i1): return i1 + 0.5\nt1=_tf1(t0)\n"
+    code += "def _tf2(i1):\n  o = i1\n  return derivative(o)\nt2=_tf2(t1)\ny=t2"
+    step = compile_program(code, 1, 1, angles=[True]).step
+    assert step((3.1,), 0.0) is None
+    assert step((-3.1,), 0.1) == (pytest.approx((math.tau - 6.2) / 0.1),)
+
+
+def test_a_substitute_knows_which_of_its_inputs_are_angles() -> None:
+    text = "t0=x[0];\ndef _tf1(i1): return derivative(i1)\nt1=_tf1(t0)\ny=t1"
+    heading = signal("/in", field=YAW, type="nav_msgs/Odometry")
+    job = Job(row(code=text, inputs=(heading,)), 0.0)
+    job.evaluate((3.1,), 0.0, (0.0,))
+    job.evaluate((-3.1,), 0.1, (0.1,))
+    assert job.latest == pytest.approx(((math.tau - 6.2) / 0.1,))

@@ -6,8 +6,8 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.errors import CodeError
-from shsa_core.language.functions import CONSTANTS, ELAPSED, FUNCTIONS, STATEFUL
-from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, previous
+from shsa_core.language.functions import CONSTANTS, ELAPSED, FILTER, FUNCTIONS, STATEFUL
+from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, previous, unwrapped
 from shsa_core.language.trees import literal, name_nodes, row
 
 INTEGRAL, DERIVATIVE = "integral", "derivative"
@@ -41,19 +41,15 @@ class CompiledProgram:
 
 
 def compile_program(
-    code: str,
-    n_inputs: int,
-    n_outputs: int,
-    max_gap: float = MAX_GAP_S,
-    correct: Correct = None,
-    over: Over = None,
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, **how: Any
 ) -> CompiledProgram:
     """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
 
-    Derivatives are taken `over` so many s, from and to. `correct` gets an output's number and
-    value, and returns what all else is computed from.
+    `how`: `correct` gets an output's number and value, and returns what all else is computed from;
+    derivatives are taken `over` so many s, from and to; inputs are `angles`, or not: derivatives
+    and filters of them go the shorter way.
     """
-    return _Compiler(max_gap, correct, over).compile(check_code(code, n_inputs, n_outputs))
+    return _Compiler(max_gap, **how).compile(check_code(code, n_inputs, n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
@@ -88,7 +84,7 @@ class Inline(ast.NodeTransformer):
     def __init__(self, arguments: Mapping[str, str], memory_of: Optional[MemoryOf]) -> None:
         self.variables = dict(arguments)
         self._memory_of = memory_of
-        self.calls: List[Tuple[str, ast.expr]] = []
+        self.calls: List[Tuple[str, ast.Call]] = []
         self.ready: List[str] = []
         self.uses_time = False
 
@@ -135,7 +131,7 @@ class _Compiler:
     """
 
     def __init__(
-        self, max_gap: Optional[float], correct: Correct = None, over: Over = None
+        self, max_gap: Optional[float], correct: Correct = None, over: Over = None, angles: Any = ()
     ) -> None:
         self._max_gap = MAX_GAP_S if max_gap is None else max_gap
         self._over = over or (0.0, self._max_gap)
@@ -143,11 +139,13 @@ class _Compiler:
         self._memories = 0
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
-        self._derived: Set[str] = set()  # variables that hold derivatives
+        self._angles = {f"t{number}" for number, turns in enumerate(angles) if turns}
+        self._functions: Dict[str, str] = {}  # by the variable that holds the value
         self._times: Dict[str, Set[str]] = {"now": {"now"}, ELAPSED: {"now"}}  # of variables
         self._timed = False
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": math.pow, "nan": math.nan}
         self._names.update({name: each.call for name, each in FUNCTIONS.items()}, correct=correct)
+        self._names["wrapped"] = lambda angle: math.remainder(angle, math.tau)
         self._names.update({"ArithmeticError": ArithmeticError, "ValueError": ValueError})
 
     def compile(self, code: CheckedCode) -> CompiledProgram:
@@ -210,15 +208,14 @@ class _Compiler:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
         self._times[relation.result] = self._times_of(expression)
+        self._angles.update([relation.result] if self._turns(expression) else ())
         return [f"{relation.result} = nan"] + lines
 
     def _take_calls(self, inline: Inline) -> List[str]:
         """Evaluate the stateful calls met since the last time, each into its variable."""
         lines: List[str] = []
         for name, call in inline.calls:
-            if name in self._derived and isinstance(call, ast.Call):
-                call.args[-1] = self._moment(call.args[0])
-            lines += self._assign(name, call, inline.ready)
+            lines += self._assign(name, self._call(name, call), inline.ready)
             inline.ready.append(name)
         inline.calls.clear()
         return lines
@@ -226,10 +223,35 @@ class _Compiler:
     def _assign(self, name: str, tree: ast.expr, ready: Sequence[str]) -> List[str]:
         """Evaluate the tree into a variable, if those of `ready` that it uses have values."""
         used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        self._angles.update([name] if self._turns(tree) else ())
         needed = [each for each in ready if each in used]
         self._times[name] = self._times_of(tree)
         holds = f"if {_finite(needed)}: " if needed else ""
         return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
+
+    def _call(self, name: str, call: ast.Call) -> ast.expr:
+        """Return the stateful call that gives a variable its value: of its time, by its turns."""
+        function, (value, *_) = self._functions[name], call.args
+        if function == DERIVATIVE:
+            call.args[-1] = self._moment(value)
+        if function not in (DERIVATIVE, FILTER) or not self._turns(value):
+            return call
+        follow = ast.Name(self._remember(unwrapped()), ast.Load())
+        call.args[0] = ast.Call(follow, [value], [])
+        if function == DERIVATIVE:
+            return call
+        self._angles.add(name)
+        return ast.Call(ast.Name("wrapped", ast.Load()), [call], [])
+
+    def _turns(self, tree: ast.expr) -> bool:
+        """Tell if a value is an angle, or a sum with one: it means the same after a turn."""
+        parts = [tree]
+        for part in parts:
+            if isinstance(part, ast.UnaryOp):
+                parts.append(part.operand)
+            elif isinstance(part, ast.BinOp) and isinstance(part.op, (ast.Add, ast.Sub)):
+                parts += [part.left, part.right]
+        return any(isinstance(part, ast.Name) and part.id in self._angles for part in parts)
 
     def _times_of(self, tree: ast.AST) -> Set[str]:
         """Return the variables with the times of what a tree is computed from."""
@@ -262,9 +284,9 @@ class _Compiler:
             self._sums[f"value_of{memory}"] = total
         elif function == DERIVATIVE:
             memory = self._remember(derivative(self._over[1], self._over[0]))
-            self._derived.add(f"value_of{memory}")
         else:
             memory = self._remember(STATEFUL[function].call(self._max_gap))
+        self._functions[f"value_of{memory}"] = function
         return memory, f"value_of{memory}"
 
 

@@ -236,7 +236,8 @@ class Derivations:
         period, code = plan.outputs[0].service.period, plan.program.code
         over = spans(period, (source.service.period for source in plan.inputs))
         size = len(plan.inputs), len(plan.outputs)
-        program = compile_program(code, *size, longest_gap(period), over=over)
+        turn = [is_angle(source.provision.field) for source in plan.inputs]
+        program = compile_program(code, *size, longest_gap(period), over=over, angles=turn)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
         outputs = tuple(map(Output, plan.outputs, plan.derivations, plan.errors, integrates))
         made = FollowedPlan(plan, outputs, program.step, program.remembers)

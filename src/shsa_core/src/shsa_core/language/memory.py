@@ -26,9 +26,23 @@ def longest_gap(period: Optional[float]) -> float:
 
 
 def spans(period: Optional[float], inputs: Iterable[Optional[float]]) -> Tuple[float, float]:
-    """Return the times in s over which a derivative is taken, from and to; shorter ones are wild."""
+    """Return the times in s over which derivatives are taken, from and to; shorter are wild."""
     slowest = max((each or 0.0 for each in inputs), default=0.0)
     return 0.5 * (period or 0.0), max(longest_gap(period), longest_gap(slowest))
+
+
+def unwrapped() -> Callable[[float], float]:
+    """Make what follows an angle in rad, by the shorter way from one sample to the next."""
+    last = 0.0
+
+    def follow(value: float) -> float:
+        nonlocal last
+        if value - value != 0.0:
+            return NO_VALUE
+        last += math.remainder(value - last, math.tau)
+        return last
+
+    return follow
 
 
 def previous(max_gap: float = MAX_GAP_S) -> Memory:

@@ -51,9 +51,11 @@ class Job:
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
         over = spans(self.period, (each.period for each in row.inputs))
-        how = longest_gap(self.period), self._turned, over
-        program = compile_program(row.code, len(row.inputs), len(row.outputs), *how)
-        self._program = program
+        turn = [is_angle(each.field) for each in row.inputs]
+        gap, size = longest_gap(self.period), (len(row.inputs), len(row.outputs))
+        correct = self._turned
+        program = compile_program(row.code, *size, gap, correct=correct, over=over, angles=turn)
+        self._program, self.timed = program, program.timed
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
         # Integrals from nobody knows where.
@@ -92,11 +94,6 @@ class Job:
 
     def _keep_phase(self, schedule: Schedule, now: float) -> None:
         self.schedule = Schedule(self.period, min(schedule.due, now + (self.period or math.inf)))
-
-    @property
-    def timed(self) -> bool:
-        """Return if it needs to be told the times of its inputs."""
-        return self._program.timed
 
     @property
     def integrates(self) -> bool:
@@ -149,7 +146,7 @@ class Job:
         return said
 
     def due(self, hurries: bool) -> float:
-        """Return when to evaluate: once a period if it `hurries` or remembers anything, else seldom."""
+        """Return when to evaluate: once a period if it `hurries` or remembers, else seldom."""
         works = hurries or self._program.remembers or self._computed
         rests = -math.inf if works else self._rests_until
         return max(self.schedule.due, rests)

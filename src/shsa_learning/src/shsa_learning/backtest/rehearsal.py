@@ -8,6 +8,7 @@ import numpy as np
 from shsa_core.codegen.generator import inputs_of
 from shsa_core.codegen.program import compile_program
 from shsa_core.language.memory import longest_gap, spans
+from shsa_core.model.field import is_angle
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
@@ -60,8 +61,9 @@ class Rehearsal:
         """Run a program that reads these sources; return its output at `place`."""
         n_outputs = len(program.outputs)
         over = spans(self._target.period, (each.service.period for each in sources))
-        how = self._gap, None, over
-        compiled = compile_program(program.code, len(program.inputs), n_outputs, *how)
+        turn = [is_angle(each.provision.field) for each in sources]
+        size = len(program.inputs), n_outputs
+        compiled = compile_program(program.code, *size, self._gap, over=over, angles=turn)
         columns = [self._inputs(source) for source in sources]
         known = np.isfinite(self.measured)
         sum_ = compiled.integrals[place] if compiled.integrals else None
