@@ -1,4 +1,9 @@
 """Introductions: new publishers that are looked at, and the subscribers that are told."""
+from typing import Any, List, Tuple
+
+import rosgraph
+
+from shsa_core.ros.master import announce, node_api
 from shsa_core.ros.master.announce import Introductions, Publisher
 from shsa_core.ros.settings import INTRODUCTION_LOOKS, MASTER_LOOK_S
 
@@ -42,3 +47,26 @@ def test_after_a_long_pause_there_is_one_look() -> None:
     introductions.heed(0.0, frozenset())
     introductions.heed(1.0, frozenset({NEW}))
     assert introductions.due(60.0) == [NEW] and not introductions.due(100.0)
+
+
+class Master:
+    """It has just told of nodes of which it knows some no more."""
+
+    def getSystemState(self) -> Any:
+        publishing = [["/x", ["/left", "/substitute"]], ["/y", ["/substitute"]]]
+        return publishing, [["/x", ["/reader"]], ["/y", ["/left", "/reader"]]], []
+
+    def lookupNode(self, node: str) -> str:
+        if node == "/left":
+            raise rosgraph.MasterError("unknown node [/left]")
+        return f"http://here{node}:1/"
+
+
+def test_who_has_just_left_keeps_nobody_from_being_reminded(monkeypatch: Any) -> None:
+    told: List[Tuple[List[str], str, List[str]]] = []
+    for module in (announce, node_api):
+        monkeypatch.setattr(module, "master_api", Master)
+    monkeypatch.setattr(announce, "tell", lambda nodes, *what: told.append((list(nodes), *what)))
+    announce.remind(["/x", "/y"], lambda topic: frozenset())
+    reader, substitute = "http://here/reader:1/", "http://here/substitute:1/"
+    assert told == [([reader], "/x", [substitute]), ([reader], "/y", [substitute])]

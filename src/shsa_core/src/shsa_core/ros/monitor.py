@@ -98,7 +98,7 @@ class MonitorNode:
         later = lambda handle: lambda heard: self._inbox.put(partial(handle, heard))
         som_changed = later(self._som_changed)
         som_changed(som)
-        if not som_parameter.get_som_parameter():
+        if som_parameter.get_som_parameter() == {}:
             som_parameter.put_som(som)
         reread = partial(read_som, arguments.som, rospy.get_namespace())
         watch = som_changed, arguments.live_parameters, reread

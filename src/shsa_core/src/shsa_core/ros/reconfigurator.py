@@ -18,7 +18,7 @@ from shsa_msgs import msg
 from shsa_core import dispatch
 from shsa_core.analysis import budget, check, duties
 from shsa_core.analysis.registrations import Part
-from shsa_core.errors import ModelErrors, ShsaError
+from shsa_core.errors import ModelError, ModelErrors, ShsaError
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import added_path, load_som, refuse_others_commands
 from shsa_core.healing import events
@@ -37,6 +37,7 @@ from shsa_core.ros.processes.launch import Launch, await_turn, hear_successor
 from shsa_core.ros.processes.watching import Companion
 from shsa_core.ros.processes.heartbeats import MONITOR, RECONFIGURATOR, Signs
 from shsa_core.ros.master.master_watch import MasterWatch, Parts
+from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.processes.starting import Setup
 from shsa_core.ros.trust.places import boot
 from shsa_core.ros.trust.signing import Signing
@@ -208,16 +209,20 @@ class ReconfiguratorNode:
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error.
 
-        From any thread but that of the events: it waits for the master.
+        From any thread but that of the events: it waits for the master. What was read counts before
+        that, also where the master then does not answer: raises another ShsaError.
         """
         with self._reloading:
             ontology, som = read_models(self._files.ontology, self._files.som)
             self._som_watch.replace(som)
-            self._listen(som)
-            self._hear_monitors(som)
-            put_som(som)
             self._may_act(som)
             self._put(events.SomChanged(clock.now(), self._usable(som), ontology))
+            self._listen(som)
+            self._hear_monitors(som)
+            try:
+                put_som(som)
+            except FAILURES as error:
+                raise ShsaError(f"it counts, but is not shown at shsa/som: {error}") from error
         relations = len({function.relation for function in ontology.functions})
         return f"{relations} relations and {len(som)} services were read"
 
@@ -316,17 +321,21 @@ class ReconfiguratorNode:
 
     def _heed_added(self) -> None:
         """Read the models again once `shsa add` has written its file, which only we may write."""
-        before, self._added = self._added, 0.0
+        written = 0.0
         with suppress(OSError):  # nothing was added
-            self._added = os.path.getmtime(added_path(self._files.som))
-        if before != self._added:
-            self._commands.put(self._reload_added)
+            written = os.path.getmtime(added_path(self._files.som))
+        if written != self._added and not self._reloading.locked():
+            self._commands.put(partial(self._reload_added, written))
 
-    def _reload_added(self) -> None:
+    def _reload_added(self, written: float) -> None:
         try:
             rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
-        except ShsaError as error:
+        except ModelError as error:
             rospy.logerr("Refused: %s", error)
+        except ShsaError as error:  # at the next look again
+            rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
+            return
+        self._added = written
 
     def _maintain(self, on: bool) -> None:
         maintain(rospy.get_namespace(), on)

@@ -68,6 +68,9 @@ class Services:
                 found = question()
             except ShsaError as error:
                 found = error
+            except Exception as error:  # as a full disk: who asked is told, and the log
+                answer.set_result((ShsaError(f"{type(error).__name__}: {error}"), 0.0))
+                raise
             answer.set_result((found, time.thread_time() - began))
 
         self._enqueue(work)

@@ -12,23 +12,22 @@ import rospy
 
 from shsa_core.agenda import Agenda
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, connected, master_api, node_api
+from shsa_core.ros.master.node_api import FAILURES, connected, master_api, node_api, uri_of
 from shsa_core.ros.workers import Workers
 
 
 def remind(topics: Iterable[str], served: Callable[[str], FrozenSet[str]]) -> None:
     """Tell the subscribers of `topics` that have not connected to us the publishers of each.
 
-    Raises one of FAILURES.
+    Raises one of FAILURES. Who has just left, so that the master knows it no more, is left out.
     """
-    master = master_api()
-    uri = lru_cache(maxsize=None)(master.lookupNode)  # the same few nodes have many topics
-    publishing, subscribing = (dict(rows) for rows in master.getSystemState()[:2])
+    uri = lru_cache(maxsize=None)(uri_of)  # the same few nodes have many topics
+    publishing, subscribing = (dict(rows) for rows in master_api().getSystemState()[:2])
     for topic in topics:
         nodes = [node for node in subscribing.get(topic, ()) if node not in served(topic)]
         if nodes:
-            publishers = [uri(node) for node in publishing.get(topic, ())]
-            tell(map(uri, nodes), topic, publishers)
+            publishers = filter(None, map(uri, publishing.get(topic, ())))
+            tell(filter(None, map(uri, nodes)), topic, list(publishers))
 
 
 def register_again() -> None:

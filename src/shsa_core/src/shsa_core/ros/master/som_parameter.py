@@ -27,8 +27,8 @@ MOST_SAID = 20
 
 
 def put_som(som: Som) -> bool:
-    """Put `som` onto the parameter server; return true once it is there."""
-    rospy.set_param(PARAMETER, som_file.som_parameters(som))
+    """Put `som` onto the parameter server; true once it is there. Raises one of FAILURES."""
+    master_api().setParam(rospy.resolve_name(PARAMETER), som_file.som_parameters(som))
     return True
 
 
@@ -137,7 +137,7 @@ class SomWatch:
     def _show(self, service: Service) -> None:
         """Have the server show a service as it counts."""
         name = f"{self._name}/services/{service.name}"
-        _ask(lambda: rospy.set_param(name, service_parameters(service)))
+        _ask(lambda: master_api().setParam(name, service_parameters(service)))
 
     def _put_back(self, value: object) -> None:
         """No service is left at shsa/som: the last ones stay. A master that is new has nothing."""
