@@ -1,7 +1,7 @@
 """A master that does not answer keeps the monitor from no topic that it watches already."""
 import threading
 from types import SimpleNamespace
-from typing import Any, Callable, Iterator, List
+from typing import Any, Callable, Iterator, List, Set
 
 import pytest
 
@@ -41,7 +41,8 @@ class Node(monitor.MonitorNode):  # type: ignore[name-defined,misc]
         self._inbox: Any = SimpleNamespace(put=self.items.append)
         self._subscriptions: Any = Waiting()
         self._registrations = UrgentFirst("registrations", 0.0)
-        self._topics, self._pending = set(), set()
+        self._topics: Set[str] = set()
+        self._pending: Set[str] = set()
         self._arguments: Any = None
         self._core: Any = SimpleNamespace(service_of=lambda *_: None)
 
@@ -88,7 +89,7 @@ def test_a_topic_that_leaves_while_it_is_subscribed_is_left_then(node: Node) -> 
     wait_until(lambda: node._subscriptions.topics, 5.0, "it is being subscribed")
     node.watch()
     node._subscriptions.answers.set()
-    wait_until(lambda: (node.take(), node._subscriptions.ended)[1], 5.0, "it is left")
+    wait_until(lambda: node.subscribed and node._subscriptions.ended, 5.0, "it is left")
     assert node._subscriptions.topics == {} and node._pending == set()
 
 

@@ -209,8 +209,8 @@ class ReconfiguratorNode:
     def reload(self) -> str:
         """Read ontology and SOM again; what was read. Raises ModelError, with every error.
 
-        From any thread but that of the events: it waits for the master. What was read counts before
-        that, also where the master then does not answer: raises another ShsaError.
+        From any thread but that of the events: what was read counts, then the master is awaited.
+        Raises another ShsaError if that does not answer.
         """
         with self._reloading:
             ontology, som = read_models(self._files.ontology, self._files.som)
