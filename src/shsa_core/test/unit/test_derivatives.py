@@ -82,14 +82,14 @@ def test_the_newest_of_several_inputs_counts() -> None:
     assert found[1:] == [(pytest.approx(10.0),)] * 2
 
 
-def test_a_value_that_holds_until_the_next_one_is_of_now() -> None:
-    """As no change is known to have come later."""
+def test_a_value_that_holds_until_the_next_one_makes_no_other_one_newer() -> None:
     readings = Readings()
     held, periodic = signal("/held", None, None), signal("/in")
     readings.listen([held, periodic])
     for each in (held, periodic):
         readings.take(events.InputArrived(1.0, each.topic, "/s", (("data", 1.0),)))
-    assert readings.times([held, periodic], 1.1) == (1.1, 1.0)
+    assert readings.times([held, periodic], 1.1) == (1.0, 1.0)
+    assert readings.times([held], 1.1) == (1.1,)
 
 
 def test_a_slow_input_has_a_slope_too() -> None:

@@ -75,6 +75,7 @@ class Gate:
         self._newest: Optional[Arrived] = None  # good message of a substitute
         self._muted, self._filling = bool(first), False
         self._last_out = time
+        self._passed: Optional[Arrived] = None  # what went out last
         self._stamp = self._substitutes_stamp = 0  # the newest that went out
         self._watch = Watch()
         self._first_heard, self._may_miss = time, time + CHANGEOVER_S
@@ -242,7 +243,7 @@ class Gate:
             return []
         if period is not None and time - self._last_out < settings.APART * period:
             return []
-        if period is None and newest.time <= self._last_out:
+        if period is None and (newest is self._passed or newest.time < self._last_out):
             return []  # consumers have heard it, or a later one of the node
         self._substitutes_stamp = stamp = self._stamp_of(newest, time)
         return self._pass(newest, time, stamp)
@@ -260,6 +261,7 @@ class Gate:
 
     def _pass(self, arrived: Arrived, time: float, stamp: int) -> List[Command]:
         self._last_out, self._stamp = time, stamp or self._stamp
+        self._passed = arrived
         written = None if stamp == arrived.message.stamp else stamp
         return [Pass(arrived.data, arrived.message.publisher, written)]
 

@@ -317,7 +317,9 @@ class Derivations:
 
     def _evaluate(self, followed: FollowedPlan, time: float) -> None:
         known = [self._value(source, time) for source in followed.plan.inputs]
-        at, inputs = zip(*filter(None, known)) if any(known) else ((), ())
+        came, inputs = zip(*filter(None, known)) if any(known) else ((), ())
+        oldest = min((each for each in came if each is not None), default=time)
+        at = tuple(oldest if each is None else each for each in came)
         derived = followed.step(inputs, time, at) if len(inputs) == len(known) else None
         sound = all(self._services[name].sound for name in followed.reads)
         followed.doubtful = derived is None or not sound
@@ -325,10 +327,10 @@ class Derivations:
             value = None if derived is None else derived[number]
             output.derived = value if value is not None and isfinite(value) else None
 
-    def _value(self, source: Source, time: float) -> Optional[Tuple[float, float]]:
-        """Return the newest value of a source, and when it was; None if it is stale."""
+    def _value(self, source: Source, time: float) -> Optional[Tuple[Optional[float], float]]:
+        """Return the newest value of a source and when it came, unless it holds; None: stale."""
         found = self._services[source.service.name].values.get(source.property)
         deadline = self._deadlines.of(source.service)
         if found is None or (deadline is not None and time - found[0] > deadline):
             return None
-        return (time if deadline is None else found[0]), found[1]
+        return (None if deadline is None else found[0]), found[1]

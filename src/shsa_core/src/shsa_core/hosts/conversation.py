@@ -173,7 +173,7 @@ class RemoteHost:
         if not self._settled:
             return
         for command in list(self._waits.values()):  # for the answer to a restart
-            if command.node not in self._found:
+            if command.node not in self._found - self._ended:
                 self._answer(command, now, f"the agent of {self.name} was not heard")
         for node in sorted(self._found - self._ended):
             if not is_substitute(node):

@@ -66,10 +66,12 @@ class Job:
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None  # what it yielded last, if anything
         self._stepped = self._rests_until = -math.inf
-        self._misses, self._allowed = 0, settings.FIRST_MISSES
-        if self.timed and self.period:  # a derivative of a derivative takes three samples
-            slowest = max(each.period or 0.0 for each in row.inputs)
-            self._allowed += math.ceil(3.0 * slowest / self.period)
+        self._slack = 0  # evaluations that a derivative of a derivative waits for three samples
+        if self.timed:
+            periods = [each.period or 0.0 for each in row.inputs]
+            pace = self.period or min(filter(None, periods), default=0.0)
+            self._slack = math.ceil(3.0 * max(periods) / pace) if pace else 0
+        self._misses, self._allowed = 0, settings.FIRST_MISSES + self._slack
         self._complained = False
 
     def _take(self, row: Substitution) -> None:
@@ -124,7 +126,8 @@ class Job:
             elif signal.field in known and is_angle(signal.field) and signal.error is None:
                 then = self._computed.get(signal.field, ()) if at is not None else ()
                 near = min(then, key=lambda each: abs(each[0] - (at or 0.0)), default=None)
-                if near is None:
+                # A stamp of another clock says nothing of when that was.
+                if near is None or abs(near[0] - (at or 0.0)) > (self.period or 0.0):
                     self._begins[signal.field] = known[signal.field]
                 else:
                     self._shifts[signal.field] = known[signal.field] - near[1]
@@ -165,7 +168,7 @@ class Job:
         self._stepped = now
         self.latest = self._calibrated(self._program.step(values, now, at))
         if self.latest is not None:
-            self._misses, self._allowed = 0, settings.MISSES
+            self._misses, self._allowed = 0, settings.MISSES + self._slack
             return False
         self._misses += 1
         return self._misses == self._allowed

@@ -62,13 +62,14 @@ class Readings:
         return tuple(found)
 
     def times(self, signals: Sequence[Signal], now: float) -> Tuple[float, ...]:
-        """Return the times of the values of `signals`, in s: their stamps, else when they came.
+        """Return when the values of `signals` came, in s; their stamps may be of any clock.
 
-        A value that holds until the next one is of now.
+        A value that holds until the next one is as old as the oldest that does not; alone, of now.
         """
         found = [(each.deadline, self._reading(each)) for each in signals]
-        read = (reading if deadline is not None else None for deadline, reading in found)
-        return tuple(each[2] / 1e9 or each[0] if each else now for each in read)
+        came = [read[0] if read and deadline is not None else None for deadline, read in found]
+        oldest = min((each for each in came if each is not None), default=now)
+        return tuple(oldest if each is None else each for each in came)
 
     def oldest(self, signals: Iterable[Signal]) -> int:
         """Return the oldest stamp of the values of `signals`, in ns; 0 if there are none.

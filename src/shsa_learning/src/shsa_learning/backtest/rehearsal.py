@@ -86,15 +86,17 @@ class Rehearsal:
         return Played(self.time, values, self.measured)
 
     def _moments(self, sources: Sequence[Source]) -> np.ndarray:
-        """Return when the values of the inputs were measured; those that hold are of now."""
-        columns = []
+        """Return when the values of the inputs were measured; those that hold are no newer."""
+        columns: List[Optional[np.ndarray]] = []
         for source in sources:
             series = recorded(self._recording, source)
             if series is None or source.service.period is None:
-                columns.append(self.time)
+                columns.append(None)
             else:
                 columns.append(held(replace(series, values=series.time), self.time))
-        return np.stack(columns, axis=1)
+        known = [each for each in columns if each is not None] or [self.time]
+        oldest = np.fmin.reduce(known)
+        return np.stack([oldest if each is None else each for each in columns], axis=1)
 
     def _inputs(self, source: Source) -> np.ndarray:
         if source not in self._held:

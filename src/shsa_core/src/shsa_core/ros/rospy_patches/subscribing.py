@@ -115,6 +115,8 @@ class _Asking(_SubscriberImpl):
         if self.connects(uri):
             return True
         protocol = ask(uri, "requestTopic", self.resolved_name, [["TCPROS"]])
+        if self.closed:  # another one may have its name by now
+            return False
         if not protocol or self.connects(uri):  # rospy was faster
             return bool(protocol)
         create = get_tcpros_handler().create_transport
