@@ -59,6 +59,7 @@ class Browser:
         for option in OPTIONS:
             options.add_argument(option)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self._said: Log = []  # and nobody was told yet
         self.driver = webdriver.Chrome(service=service.Service(DRIVER), options=options)
         self.size(*WIDE)
 
@@ -71,6 +72,11 @@ class Browser:
         self.log()
         self.driver.get("about:blank")
         self.driver.get(address)
+        self._said = self.log()
+        if any("ERR_NETWORK_CHANGED" in each["message"] for each in self._said):
+            # An interface of the computer came or went: Chromium ends what it loads.
+            self._said = []
+            self.driver.get(address)
         self.wait("document.documentElement.dataset.connection === 'live'")
         self.wait("document.querySelector('#rows tr') !== null")
 
@@ -142,4 +148,5 @@ class Browser:
 
     def log(self) -> Log:
         """Return the complaints of the browser since the last call."""
-        return list(self.driver.get_log("browser"))
+        said, self._said = [*self._said, *self.driver.get_log("browser")], []
+        return said
