@@ -208,21 +208,6 @@ def test_a_stranger_becomes_known_when_the_som_names_it() -> None:
     assert bench.state("/stranger") == "healthy"
 
 
-def test_a_publisher_that_was_there_before_healing_is_named_and_not_blamed() -> None:
-    bench = Bench()
-    bench.connect("/stranger")
-    bench.stream(100)
-    both(bench, 10.0)
-    bench.stream(100)  # the stranger pauses
-    both(bench, 10.0)
-    bench.disconnect("/stranger")
-    both(bench, 10.0)
-    assert [kind for _, kind in bench.kinds() if kind == "unknown_publisher"] == []
-    assert bench.state("/stranger") == "healthy"
-    told = [text for text in bench.told if "name it in the SOM" in text]
-    assert len(told) == 2, "once for each of its lives"
-
-
 def test_substitutes_are_no_strangers() -> None:
     bench = bench_with(unknown_publisher=1.0)
     bench.connect("/substitute_1")

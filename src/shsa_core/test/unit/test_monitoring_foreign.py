@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 from monitor_bench import DEADLINE, NODE, PERIOD, SETTINGS, TOPIC, Bench, service, streaming
+from test_monitoring_checks import both
 
 from shsa_core.monitoring.events import Message
 from shsa_core.monitoring.overview import Condition
@@ -61,3 +62,18 @@ def test_a_stranger_of_another_type_replaces_nobody() -> None:
     bench.connect("/stranger")
     foreign(bench, 100, "/stranger")
     assert [kind for _, kind in bench.kinds()] == ["never_published"]
+
+
+def test_a_publisher_that_was_there_before_healing_is_named_and_not_blamed() -> None:
+    bench = Bench()
+    bench.connect("/stranger")
+    bench.stream(100)
+    both(bench, 10.0)
+    bench.stream(100)  # the stranger pauses
+    both(bench, 10.0)
+    bench.disconnect("/stranger")
+    both(bench, 10.0)
+    assert [kind for _, kind in bench.kinds() if kind == "unknown_publisher"] == []
+    assert bench.state("/stranger") == "healthy"
+    told = [text for text in bench.told if "name it in the SOM" in text]
+    assert len(told) == 2, "once for each of its lives"

@@ -9,7 +9,7 @@ from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.codegen.program import Step, compile_program
-from shsa_core.language.memory import longest_gap, spans
+from shsa_core.language.memory import longest_gap, sample_times, spans
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import difference, is_angle
@@ -318,8 +318,7 @@ class Derivations:
     def _evaluate(self, followed: FollowedPlan, time: float) -> None:
         known = [self._value(source, time) for source in followed.plan.inputs]
         came, inputs = zip(*filter(None, known)) if any(known) else ((), ())
-        oldest = min((each for each in came if each is not None), default=time)
-        at = tuple(oldest if each is None else each for each in came)
+        at = sample_times(came, time)
         derived = followed.step(inputs, time, at) if len(inputs) == len(known) else None
         sound = all(self._services[name].sound for name in followed.reads)
         followed.doubtful = derived is None or not sound

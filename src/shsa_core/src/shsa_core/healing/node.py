@@ -274,9 +274,8 @@ class Nodes:
                 if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
                     each.kind, each.spared = Kind.SILENT, True  # it lost its connection, but runs
                 each.fate = Fate.OPEN if each.fate is Fate.KILLED else each.fate
-            if self._refused(node) or any(
-                each.fate is not Fate.NONE for each in held
-            ):  # not let in after all
+            stands = any(each.fate is not Fate.NONE for each in held)
+            if stands or self._refused(node):  # not let in after all
                 self.kills.try_again(node)  # it may end by itself
             return [kill]
         if kill.outcome is Outcome.WELL:

@@ -31,6 +31,16 @@ def spans(period: Optional[float], inputs: Iterable[Optional[float]]) -> Tuple[f
     return 0.5 * (period or 0.0), max(longest_gap(period), longest_gap(slowest))
 
 
+def sample_times(came: Iterable[Optional[float]], now: float) -> Tuple[float, ...]:
+    """Return when samples came, in s; None: a value that holds until the next one.
+
+    That is as old as the oldest of the others, so that it makes none newer; alone, of now.
+    """
+    found = list(came)
+    oldest = min((each for each in found if each is not None), default=now)
+    return tuple(oldest if each is None else each for each in found)
+
+
 def unwrapped() -> Callable[[float], float]:
     """Make what follows an angle in rad, by the shorter way from one sample to the next."""
     last = 0.0

@@ -3,6 +3,7 @@ from math import inf
 from typing import Dict, Iterable, List, Optional, Sequence, Tuple
 
 from shsa_core.backlog import Backlog
+from shsa_core.language.memory import sample_times
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import InputArrived
 
@@ -62,14 +63,10 @@ class Readings:
         return tuple(found)
 
     def times(self, signals: Sequence[Signal], now: float) -> Tuple[float, ...]:
-        """Return when the values of `signals` came, in s; their stamps may be of any clock.
-
-        A value that holds until the next one is as old as the oldest that does not; alone, of now.
-        """
-        found = [(each.deadline, self._reading(each)) for each in signals]
-        came = [read[0] if read and deadline is not None else None for deadline, read in found]
-        oldest = min((each for each in came if each is not None), default=now)
-        return tuple(oldest if each is None else each for each in came)
+        """Return when the values of `signals` came, in s; their stamps may be of any clock."""
+        found = ((each.deadline, self._reading(each)) for each in signals)
+        came = (read[0] if read and deadline is not None else None for deadline, read in found)
+        return sample_times(came, now)
 
     def oldest(self, signals: Iterable[Signal]) -> int:
         """Return the oldest stamp of the values of `signals`, in ns; 0 if there are none.
