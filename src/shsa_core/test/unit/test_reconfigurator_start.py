@@ -53,6 +53,7 @@ class Reloading(reconfigurator.ReconfiguratorNode):  # type: ignore[name-defined
         self._added, self._reloading = 0.0, threading.Lock()
         self.told: List[Any] = []
         self.away = self.invalid = False
+        self._master = SimpleNamespace(answers=True)  # as far as was looked
         note = lambda _: self.told.append("the master is awaited")
         self._put, self._usable = self.told.append, lambda som: som
         self._listen = self._hear_monitors = note
@@ -96,11 +97,13 @@ def test_what_is_added_while_the_master_is_away_is_read_again(reloading: Reloadi
     reloading.added.write_text("services: {}\n")
     reloading.away = True
     reloading._heed_added()
+    reloading._master.answers = False
     reloading._heed_added()
-    reloading.away = False
+    assert reloading.said == ["logwarn_throttle"], "all is planned anew each time"
+    reloading.away, reloading._master.answers = False, True
     reloading._heed_added()
     reloading._heed_added()
-    assert reloading.said == ["logwarn_throttle", "logwarn_throttle", "loginfo"]
+    assert reloading.said == ["logwarn_throttle", "loginfo"]
 
 
 def test_what_is_added_and_is_not_valid_is_refused_once(reloading: Reloading) -> None:

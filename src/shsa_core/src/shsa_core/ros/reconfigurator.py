@@ -324,7 +324,8 @@ class ReconfiguratorNode:
         written = 0.0
         with suppress(OSError):  # nothing was added
             written = os.path.getmtime(added_path(self._files.som))
-        if written != self._added and not self._reloading.locked():
+        waits = self._reloading.locked() or not self._master.answers
+        if written != self._added and not waits:
             self._commands.put(partial(self._reload_added, written))
 
     def _reload_added(self, written: float) -> None:
@@ -332,7 +333,7 @@ class ReconfiguratorNode:
             rospy.loginfo("Read anew after `shsa add`: %s.", self.reload())
         except ModelError as error:
             rospy.logerr("Refused: %s", error)
-        except ShsaError as error:  # at the next look again
+        except ShsaError as error:  # again once it does
             rospy.logwarn_throttle(10.0, f"The master does not answer: {error}")
             return
         self._added = written
