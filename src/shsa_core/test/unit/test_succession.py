@@ -242,6 +242,17 @@ def test_a_message_of_who_has_failed_is_still_known() -> None:
     assert [row.template for row in robot.working()] == [b"well"]
 
 
+def test_a_message_of_who_was_not_heard_before_it_failed_is_still_known() -> None:
+    robot = Robot()
+    robot.row("/a", A, "healthy", 3.0)
+    robot.rows["/a", A] = replace(robot.rows["/a", A], last_message=b"well")
+    robot.table(3.0)
+    unheard = PublisherHealth("/a", A, PublisherState.FAILED, 10.0, kind=Kind.NEVER_PUBLISHED)
+    robot.handle(events.HealthSeen(10.0, (unheard,)))
+    succeed(robot, 11.0, tuple(row.node for row in robot.working()))
+    assert [row.template for row in robot.working()] == [b"well"]
+
+
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
     robot = Robot(som)

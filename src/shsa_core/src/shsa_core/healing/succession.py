@@ -12,7 +12,7 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, State, Trigger
-from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
+from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord, Template
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import PublisherHealth, PublisherState
@@ -68,6 +68,8 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
             robot.names.next = max(robot.names.next, record.names)
         elif isinstance(record, NodeRecord):
             core.nodes.recall(record)
+        elif isinstance(record, Template):
+            health.was_well((record.topic, record.publisher), record.message)
     for each in stand:  # all of them, before any can end a process that it shares
         row = each.substitution
         if row is not None:
@@ -97,7 +99,8 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
         return []
     since = record.since
     row = PublisherHealth(record.topic, node, PublisherState.HEALTHY, since, since, since)
-    row = replace(row, last_message=record.template, uri=record.uri)
+    message = robot.health.templates.get(row.key, b"")
+    row = replace(row, last_message=message, uri=record.uri)
     robot.health.recall(row)
     if ours:
         return []
@@ -113,9 +116,6 @@ def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -
             incident = replace(incident, state=State.ENDED, ended=event.time, detail=why)
         return [] if incident is None else [ShowIncident(incident)]
     robot = core.robot
-    if incident is not None and incident.last_good is not None:
-        template = b"" if row is None else row.template
-        robot.health.templates.setdefault((incident.topic, incident.faulty_node), template)
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back
