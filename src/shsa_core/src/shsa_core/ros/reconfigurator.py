@@ -236,16 +236,14 @@ class ReconfiguratorNode:
 
     def _next(self) -> Callable[[], object]:
         """Return the next thing to do: an event, else a plan ahead, else to let time pass."""
+        ahead, wait = self._core.plans_ahead, 0.0
+        if self._queue.empty() and not ahead:
+            wait = min(settings.TURN_S, max(0.0, self._core.deadline - clock.now()))
         try:
-            return self._queue.get_nowait()
+            return self._queue.get(timeout=wait)
         except queue.Empty:
-            if self._core.plans_ahead:
-                return lambda: self._handle(events.Idle(clock.now()))
-        wait = max(0.0, self._core.deadline - clock.now())
-        try:
-            return self._queue.get(timeout=min(settings.TURN_S, wait))
-        except queue.Empty:
-            return lambda: self._handle(events.Tick(clock.now()))
+            kind = events.Idle if ahead else events.Tick
+            return lambda: self._handle(kind(clock.now()))
 
     def _put(self, event: Event) -> None:
         self._queue.put(lambda: self._handle(event))
