@@ -3,8 +3,7 @@ from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tup
 
 import networkx as nx
 
-from shsa_core.codegen.prediction import Predictor
-from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -17,20 +16,18 @@ class PlanTable:
     `change` says which services there are and drops the answers that this may change; `step` makes
     one of those anew, and is called while nothing else is to do. A plan that is in the table is the
     one that a search would give now; an error tells that there is none, though more may be missing
-    by now. `sources` has what may be used; `predictor` gives who predicts errors of a service.
+    by now. `sources` has what may be used; `make` searches a plan without some nodes.
     """
 
     def __init__(
         self,
         ontology: Ontology,
         needed: Iterable[Service],
-        method: str,
-        predictor: Callable[[str], Optional[Predictor]] = lambda service: None,
+        make: Callable[[Service, FrozenSet[str]], Plan],
     ) -> None:
         self.sources = SourceTable(ontology.network)
         self._ontology = ontology
-        self._method = method
-        self._predictor = predictor
+        self._make = make
         self._needed: Dict[str, Service] = {}
         self._stale: Dict[str, None] = {}
         self._publishers: Dict[str, str] = {}  # the node that published a service last
@@ -81,10 +78,9 @@ class PlanTable:
         if name is None:
             return None
         del self._stale[name]
-        avoided, service = self.to_avoid(name), self._needed[name]
+        avoided = self.to_avoid(name)
         try:
-            question = self._ontology, service, self.sources, avoided, self._method
-            plan = plan_service(*question, predictor=self._predictor(name))
+            plan = self._make(self._needed[name], avoided)
             self._answers[name] = plan
             for source in plan.inputs:
                 self._readers.setdefault(source.service.name, set()).add(name)

@@ -144,8 +144,7 @@ class Planner:
     def load(self, ontology: Ontology, som: Som) -> None:
         """Plan by these models from now on."""
         self.ontology, self.som, self._predicts_for = ontology, som, None
-        method = self._method
-        self.plans = PlanTable(ontology, som.needed(), method, self.predictor_of)
+        self.plans = PlanTable(ontology, som.needed(), self.explain)
         self.plans.change((), self._available.values())
 
     @property
