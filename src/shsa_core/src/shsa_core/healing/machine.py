@@ -237,6 +237,7 @@ class Reconfigurator:
             now = som.services.get(before.name)
             if now is None or now.topic != before.topic:
                 commands += self._remove(before.name)
+        follow = lambda each: each.replan() if each.spec.needed else each.fire(Trigger.WITHDRAWN)
         robot.som = robot.planner.som = som
         for service in som:
             if service.name not in self.services:
@@ -244,10 +245,7 @@ class Reconfigurator:
             elif service.topic in topics:
                 self._core.unsettle([service.name])
                 self._offer(service)
-                close = not service.needed
-                commands += self._core.ask(
-                    service.name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
-                )
+                commands += self._core.ask(service.name, follow)
         commands += self._core.settle()  # what is read may be another topic, or there no more
         readers = robot.indexes.readers(each.name for each in both if each.topic in topics)
         asked = dict.fromkeys((*robot.indexes.kept, *readers))
@@ -339,8 +337,7 @@ class Reconfigurator:
             return [events.ShowIncident(incident)]
         if service is None:
             return []
-        originals = self.robot.health.originals(self.robot.som, service)
-        well = next((row for row in originals if row.is_well), None)
+        well = next((row for row in self.services[service.name].originals if row.is_well), None)
         node, last_good = (well.publisher, well.last_good) if well else (service.node, None)
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
@@ -348,15 +345,16 @@ class Reconfigurator:
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""
+        healing = self.robot.indexes.healing
         known, services = self.robot.calibrations, self.services
         for name, program in event.removed:
-            if self._core.incident(name) is None:
+            if name not in healing:
                 known.leave(name, program)
-        healing = {row.service: self._core.incident(row.service) is not None for row in event.rows}
-        counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
+        counts = [row.service for row in event.rows if known.add(row, row.service in healing)]
         self.robot.planner.replan()
         names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
-        return self._core.ask_all(names, lambda each: each.outgrown())
+        outgrown = lambda each: each.fire(Trigger.OUTGROWN) if each.state is State.HEALED else []
+        return self._core.ask_all(names, outgrown)
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; what follows it follows the new one."""

@@ -358,10 +358,6 @@ class ServiceMachine:
         kept = self.accusation.kept and state is not State.RETURNING
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
-    def outgrown(self) -> List[Command]:
-        """Change the plan of a substitute that errs too much, or clearly more than another."""
-        return self.fire(Trigger.OUTGROWN) if self.state is State.HEALED else []
-
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
         commands: List[Command] = []
