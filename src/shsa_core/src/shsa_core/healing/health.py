@@ -14,7 +14,6 @@ from shsa_core.model.som import Som
 from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
-HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
 Heard = Tuple[List[Key], List[FailureSeen]]
 """Whom news of a monitor concerns, and the failures that it tells of."""
 MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
@@ -153,13 +152,13 @@ class Health:
         False: the table tells of what came then or later.
         """
         key = failure.topic, failure.publisher
-        known = self.row(key) or PublisherHealth(*key, FAILED, -inf)
+        known = self.row(key) or PublisherHealth(*key, PublisherState.FAILED, -inf)
         if known.since >= failure.time:
             return False
         good, first = failure.last_good, known.first_message
         if good is not None and good < (known.since if first is None else first):
             good = known.last_good  # that was its former life
-        whose = *key, FAILED, failure.time, first, good
+        whose = *key, PublisherState.FAILED, failure.time, first, good
         told = failure.kind, failure.detail, failure.service, b"", known.uri
         self._put(PublisherHealth(*whose, *told))
         return True
@@ -259,7 +258,7 @@ class Health:
         self._lost.add(host)
         told = [key for key, told_at in self._told_at.items() if told_at == host]
         lost = [key for key in told if self.healthy(key) and key[1] not in apart]
-        silent = {"state": FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
+        silent = {"state": PublisherState.FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
         self.stranded.update(lost)
         return self._take_over([replace(self.rows[t][node], **silent) for t, node in lost], host)
 
@@ -270,8 +269,6 @@ class Health:
 
     def _heard(self, change: HealthSeen) -> List[PublisherHealth]:
         """Return the rows without those of whom a new monitor knows nothing yet."""
-        if not self._unheard:
-            return list(change.rows)
         rows = []
         for row in change.rows:
             if row.key in self._unheard and row.state is PublisherState.UNKNOWN:
@@ -285,8 +282,6 @@ class Health:
 
     def _returned(self, time: float, rows: List[PublisherHealth]) -> List[PublisherHealth]:
         """Return the rows in which those are back since now whose monitor was lost."""
-        if not self.stranded:
-            return rows
         found = []
         for row in rows:
             before = self.row(row.key)

@@ -120,9 +120,8 @@ class Reconfigurator:
         commands: List[Command] = []
         for each in self._let_through(event) if robot.maintained else [event]:
             commands += self._handlers[type(each)](each)
-        if processes.starts.waiting:
-            turns = processes.starts.due(robot.time)
-            commands += self._core.ask_all(turns, lambda each: each.replan())
+        turns = processes.starts.due(robot.time)
+        commands += self._core.ask_all(turns, lambda each: each.replan())
         commands += self._core.settle()
         if not self._over:
             commands += processes.refill(robot.time)
