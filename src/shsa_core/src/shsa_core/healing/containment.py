@@ -10,6 +10,8 @@ from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import BY_CLOCK, Contain, Kind, Policy
 from shsa_core.model.service import LastResort, Service
 
+Published = List[Tuple[Service, PublisherHealth]]
+
 
 @dataclass(frozen=True)
 class Charge:
@@ -163,7 +165,7 @@ class Stakes:
                     lost.add(service.topic)
         return lost
 
-    def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
+    def _published(self, node: str) -> Published:
         service_of, rows = self._robot.som.service_of, self._health.rows
         topics = sorted(self._health.topics.get(node, ()))
         found = ((service_of(topic, node), rows[topic][node]) for topic in topics)

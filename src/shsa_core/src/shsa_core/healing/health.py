@@ -62,6 +62,10 @@ class Health:
         """Return the row of a publisher of a topic; None: there is none."""
         return self.rows[key[0]].get(key[1])
 
+    def of_node(self, node: str) -> List[PublisherHealth]:
+        """Return the rows of a node, by topic."""
+        return [self.rows[topic][node] for topic in sorted(self.topics.get(node, ()))]
+
     def well(self, topic: str) -> List[str]:
         """Return the publishers of a topic that do well."""
         return [name for name, row in self.rows[topic].items() if row.is_well]
@@ -91,8 +95,7 @@ class Health:
 
     def succeeded(self, node: str) -> bool:
         """Tell that a dying node has another life, which has not failed."""
-        rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
-        return any(self._is_next(row) for row in rows if not row.has_failed)
+        return any(self._is_next(row) for row in self.of_node(node) if not row.has_failed)
 
     def fails_anew(self, key: Key, since: float) -> bool:
         """Tell that another life of a dying node has failed on a topic since a moment."""
@@ -218,8 +221,7 @@ class Health:
     def gone(self, node: str, time: float) -> None:
         """Note that a node was gone at `time`; if it is well since, that is another process."""
         self.verified.discard(node)
-        rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
-        if not any(row.is_well and row.since > time for row in rows):
+        if not any(row.is_well and row.since > time for row in self.of_node(node)):
             self.excluded[node] = time
 
     # A monitor is lost, or starts anew.

@@ -318,8 +318,7 @@ class Kills:
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
         kill, health = self._kills.pop(node), self._health
-        topics = health.topics.get(node, ())
-        failing = tuple(each for each in topics if health.fails_anew((each, node), kill.begun))
+        failing = [e.topic for e in health.of_node(node) if health.fails_anew(e.key, kill.begun)]
         del health.dying[node]
         self.agenda.set(node, None)
-        return [KillOver(time, node, outcome, detail, cause, kill.starter, failing)]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter, tuple(failing))]

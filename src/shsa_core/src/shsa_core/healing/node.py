@@ -305,9 +305,9 @@ class Nodes:
         self._health.gone(node, kill.time)
         self._robot.identities.went(node)
         if node not in self._health.excluded:  # it is back already, as another process
-            for topic in sorted(self._health.topics.get(node, ())):
-                if self._health.healthy((topic, node)):
-                    commands += self._robot.identities.came_up(node, topic)
+            for row in self._health.of_node(node):
+                if row.is_well:
+                    commands += self._robot.identities.came_up(node, row.topic)
         self._robot.restarted.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
@@ -421,9 +421,8 @@ class Nodes:
             return []
         topics = ", ".join(each.topic for each in own)
         if starts:
-            health, gone = self._health, self._health.excluded.get(node, -math.inf)
-            rows = (health.row((topic, node)) for topic in health.topics.get(node, ()))
-            if any(row and not row.has_failed and row.since > gone for row in rows):
+            gone, rows = self._health.excluded.get(node, -math.inf), self._health.of_node(node)
+            if any(not row.has_failed and row.since > gone for row in rows):
                 return []  # somebody else has started it, and it has its time to come up
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
