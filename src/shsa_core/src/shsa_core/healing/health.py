@@ -315,20 +315,15 @@ class Availability:
         """
         before, service = self.services.pop(name, None), som.services.get(name)
         self.unavailable.discard(name)
-        if service is None:
-            self.states.set(name, None)
-            return before, None
-        state = self.state(som, service, why)
+        state = None if service is None else self.state(som, service, why)
         self.states.set(name, state)
-        if not state.available:
+        now = None
+        if state is not None and state.available:
+            found = replace(state.service, node=state.node)
+            now = self.services[name] = before if before and before == found else found
+        elif state is not None:
             self.unavailable.add(name)
-            return before, None
-        service = replace(service, node=state.node)
-        if service == before:
-            self.services[name] = before
-            return None, None
-        self.services[name] = service
-        return before, service
+        return (None, None) if now is before else (before, now)
 
     def state(self, som: Som, service: Service, why: str) -> ServiceState:
         """Return how a service stands."""
