@@ -236,8 +236,8 @@ class Reconfigurator:
             now = som.services.get(before.name)
             if now is None or now.topic != before.topic:
                 commands += self._remove(before.name)
-        follow = lambda each: each.replan() if each.spec.needed else each.fire(Trigger.WITHDRAWN)
         robot.som = robot.planner.som = som
+        follow = lambda each: each.replan() if each.spec.needed else each.fire(Trigger.WITHDRAWN)
         for service in som:
             if service.name not in self.services:
                 self._add(service)
@@ -344,8 +344,8 @@ class Reconfigurator:
 
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""
-        healing = self.robot.indexes.healing
         known, services = self.robot.calibrations, self.services
+        healing = self.robot.indexes.healing
         for name, program in event.removed:
             if name not in healing:
                 known.leave(name, program)

@@ -95,8 +95,7 @@ class ServiceMachine:
     @property
     def parted(self) -> bool:
         """Tell that a cut may part the substitute from us, or from the original."""
-        host = self.spec.host
-        return bool(self.substitute.host or (host and self.robot.computers.name(host)))
+        return bool(self.substitute.host or self.robot.computers.name(self.spec.host))
 
     @property
     def refuses(self) -> bool:
@@ -305,27 +304,25 @@ class ServiceMachine:
         computer is not: only the agent may have died. Of one whose messages are due at no time,
         that cannot be said.
         """
-        substitute, robot = self.substitute, self.robot
-        if not self.node or substitute.plan is None:
+        substitute, robot, spec, why = self.substitute, self.robot, self.spec, ""
+        if substitute.plan is None:
             return []
-        lost = robot.computers.lost(substitute.host)
-        heard = robot.health.healthy((self.spec.topic, self.node)) and not self.spec.event_driven
+        host, well = substitute.host, self.state is State.WELL
+        lost = robot.computers.lost(host)
         if lost:
-            text = f"{self.node} cannot be reached: {substitute.host} is lost: {lost}"
-            return [] if heard and self.publishes else self._move(text)
-        if not self.processes.placement.allowed(self.spec, substitute.host):
-            return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
-        host = substitute.host
-        if self.state is State.WELL:
+            heard = robot.health.healthy((spec.topic, self.node)) and not spec.event_driven
+            stays = heard and self.publishes
+            why = "" if stays else f"cannot be reached: {host} is lost: {lost}"
+        elif not self.processes.placement.allowed(spec, host):
+            why = f"must not run on {host or 'here'}"
+        elif well:
             with suppress(ShsaError):  # it has a place
-                host = self.processes.place(self.spec, substitute.plan).host
-        if host == substitute.host:
+                place = self.processes.place(spec, substitute.plan).host
+                why = "" if place == host else f"moves to {place or 'our own computer'}"
+        if not why:
             return []
-        return self._move(f"{self.node} moves to {host or 'our own computer'}")
-
-    def _move(self, why: str) -> List[Command]:
-        commands = [*self.substitute.drop(), self.log(f"the substitute {why}.")]
-        well = self.state is State.WELL
+        said = self.log(f"the substitute {self.node} {why}.")
+        commands = [*substitute.drop(), said]
         return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
     # The world changes.
