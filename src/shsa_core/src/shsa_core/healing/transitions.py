@@ -92,9 +92,9 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     accusation = service.accusation
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
-    plan, none = repair.search(service)
     detail = f"{node} failed again: {failure.detail}"
-    commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
+    judged = service.judge(accusation, repair.search(service)[0])
+    commands += [service.log(f"{detail}."), *judged]
     healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:
@@ -107,9 +107,8 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
         returned=None,
         detail=detail,
     )
-    if repair.idle(service):
-        return commands + repair.keep(service, plan, none)
-    return commands if healed else commands + repair.heal(service)
+    goes_on = healed and not repair.idle(service)
+    return commands if goes_on else commands + repair.heal(service)
 
 
 def show(service: ServiceMachine, _: Failure) -> List[Command]:
