@@ -23,7 +23,6 @@ from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
-from shsa_core.planning.placement import HERE
 
 Failure = Optional[FailureSeen]
 Action = Callable[["ServiceMachine", Failure], List[Command]]
@@ -39,8 +38,7 @@ class ServiceMachine:
 
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
     `spec`: the service as it counts now. `accusation`: what is held against the node that the
-    incident blames. `last_message`: the last good one of the service, serialized. `place`: where
-    its substitute runs, or would.
+    incident blames. `last_message`: the last good one of the service, serialized.
     """
 
     def __init__(
@@ -61,7 +59,6 @@ class ServiceMachine:
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
-        self.place = HERE
         self.last_message = b""
         self._message_came = -math.inf
         self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
@@ -367,10 +364,9 @@ class ServiceMachine:
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
-        if row is None or not row.is_well:
-            return None
-        counts = [moment for moment in (row.first_message, row.since) if moment is not None]
-        return next((m for m in counts if m >= self.substitute.working_since), None)
+        moments = (row.first_message, row.since) if row is not None and row.is_well else ()
+        since = self.substitute.working_since
+        return next((m for m in moments if m is not None and m >= since), None)
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:
