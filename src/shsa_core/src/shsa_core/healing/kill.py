@@ -220,7 +220,7 @@ class Kills:
     def unreached(self, time: float, node: str, detail: str) -> List[Said]:
         """End a kill as the node's computer was lost, or does not answer in time."""
         self._slow.pop(node, None)
-        if self._kills[node].order.if_dead:
+        if self._kills[node].order.if_dead or not self._robot.host_of(node):
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 

@@ -258,8 +258,7 @@ class Nodes:
 
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
-        node, host = kill.node, self._robot.host_of(kill.node)
-        held = self._held(node).values()
+        node, held = kill.node, self._held(kill.node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
             row = self._health.row((each.topic, node))
@@ -267,8 +266,6 @@ class Nodes:
                 each.fate, each.kind = Fate.OPEN, row.kind or Kind.OTHER
         if kill.outcome is not Outcome.GONE:  # what it is kept for goes on as before
             accusations = [e for e in accusations if not e.kept or e.kind is Kind.NODE_GONE]
-        if kill.outcome is Outcome.UNREACHED and not host:
-            kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:
             for each in accusations:
                 if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
