@@ -17,12 +17,11 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State, Trigger
 from shsa_core.healing.kill import KILL_EVENTS
-from shsa_core.healing.process import standby
 from shsa_core.healing.records import Counters
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Kind, Standby
+from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -213,15 +212,8 @@ class Reconfigurator:
 
     def _offer(self, service: Service) -> None:
         """Plan ahead for a service if it is needed, and let the pool serve it if it is warm."""
-        plans = self.robot.planner.plans
-        if service.needed:
-            plans.serve(service)
-        else:
-            plans.forget(service.name)
-        if standby(service) is Standby.WARM:
-            self._processes.stand_by(service, None)
-        else:
-            self._processes.no_stand_by(service.name)
+        self.robot.planner.plans.serve(service)
+        self._processes.stand_by(service, None)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
         robot = self.robot
@@ -361,9 +353,7 @@ class Reconfigurator:
         name = plans.step()
         if name is None:
             return []
-        service = self.robot.som.services[name]
-        if standby(service) is Standby.WARM:
-            self._processes.stand_by(service, plans.plan(name))
+        self._processes.stand_by(self.robot.som.services[name], plans.plan(name))
         return self._core.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:

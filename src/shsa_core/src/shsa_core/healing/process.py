@@ -188,7 +188,10 @@ class Processes:
     # The pool.
 
     def stand_by(self, service: Service, plan: Optional[Plan]) -> None:
-        """Let idle processes prepare for a warm service where its plan is placed."""
+        """Let idle processes prepare for a service, if it is warm, where its plan is placed."""
+        if standby(service) is not Standby.WARM:
+            self.no_stand_by(service.name)
+            return
         if plan is not None:
             host = self.placement.stands_by(self._robot.time, service, self.placement.inputs(plan))
         else:

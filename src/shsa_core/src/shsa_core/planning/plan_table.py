@@ -45,10 +45,11 @@ class PlanTable:
         return bool(self._stale)
 
     def serve(self, service: Service) -> None:
-        """Make plans for a needed service, which may have been another before."""
+        """Make plans for a service if it is needed; it may have been another before."""
         self.forget(service.name)
-        self._needed[service.name] = service
-        self._stale[service.name] = None
+        if service.needed:
+            self._needed[service.name] = service
+            self._stale[service.name] = None
 
     def forget(self, name: str) -> None:
         """Make no more plans for a service."""
