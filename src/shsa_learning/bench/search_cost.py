@@ -275,7 +275,7 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
     search = lambda lost, without: plan_service(model, lost, table.sources, without)
     table: PlanTable = PlanTable(model, som.needed(), search)
     start = perf_counter()
-    table.change((), som)
+    table.change((), list(som))
     updated = perf_counter() - start
     steps = 0
     while table.step() is not None:

@@ -1,5 +1,5 @@
 """The plans that are made before they are needed."""
-from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
+from typing import Callable, Collection, Dict, FrozenSet, List, Optional, Set, Tuple, Union
 
 import networkx as nx
 
@@ -22,7 +22,7 @@ class PlanTable:
     def __init__(
         self,
         ontology: Ontology,
-        needed: Iterable[Service],
+        needed: Collection[Service],
         make: Callable[[Service, FrozenSet[str]], Plan],
     ) -> None:
         self.sources = SourceTable(ontology.network)
@@ -57,9 +57,8 @@ class PlanTable:
         self._stale.pop(name, None)
         self._needed.pop(name, None)
 
-    def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
+    def change(self, gone: Collection[Service], come: Collection[Service]) -> None:
         """Note that some services are available no more, and some are now."""
-        gone, come = tuple(gone), tuple(come)
         for source in (each for service in gone for each in service.readable):
             self.sources.discard(source)
         for source in (each for service in come for each in service.readable):
@@ -97,7 +96,7 @@ class PlanTable:
         answer = self._answers.get(name)
         return answer if isinstance(answer, Plan) else None
 
-    def hopeless(self, name: str, excluded: Iterable[str]) -> bool:
+    def hopeless(self, name: str, excluded: Collection[str]) -> bool:
         """Tell that a service is known to have no plan without some nodes."""
         known = isinstance(self._answers.get(name), ShsaError)
         return known and self._avoided[name] <= set(excluded)
@@ -106,7 +105,7 @@ class PlanTable:
         """Return the nodes that are to publish a service, or did last."""
         return frozenset({self._needed[name].node, self._publishers.get(name, "")} - {""})
 
-    def _improved(self, come: Iterable[Service]) -> List[str]:
+    def _improved(self, come: Collection[Service]) -> List[str]:
         """Return the services whose answer may be a better plan now."""
         graph, found = self._ontology.graph, set()
         reached: Set[str] = set()  # the properties that are derived from what has come
