@@ -218,12 +218,6 @@ class Health:
             self._successors.pop(key, None)
             self.templates.pop(key, None)
 
-    def gone(self, node: str, time: float) -> None:
-        """Note that a node was gone at `time`; if it is well since, that is another process."""
-        self.verified.discard(node)
-        if not any(row.is_well and row.since > time for row in self.of_node(node)):
-            self.excluded[node] = time
-
     # A monitor is lost, or starts anew.
 
     def missed(self, time: float) -> Optional[HealthSeen]:

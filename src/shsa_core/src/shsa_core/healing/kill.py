@@ -92,12 +92,6 @@ class _Kill:
     forced: bool = False
     starter: str = ""
 
-    @property
-    def listen(self) -> float:
-        """Return for how long its node is listened to on its own computer, in s."""
-        period = self.order.period
-        return max(limits.LISTEN_S, limits.LISTEN_PERIODS * period) if period else 0.0
-
 
 class Kills:
     """The kills that are under way; those are `Health.dying`.
@@ -293,10 +287,11 @@ class Kills:
         return seen, PASSES
 
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:
-        kill = self._kills[node]
-        self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
-        urgent, spares = not kill.order.if_dead, not kill.order.quick
-        return events.FindNode(node, urgent, topic, kill.listen, self._health.dying[node], spares)
+        order = self._kills[node].order
+        listen = max(limits.LISTEN_S, limits.LISTEN_PERIODS * order.period) if order.period else 0.0
+        self.agenda.set(node, time + limits.FIND_TIMEOUT_S + listen)
+        urgent, spares = not order.if_dead, not order.quick
+        return events.FindNode(node, urgent, topic, listen, self._health.dying[node], spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False

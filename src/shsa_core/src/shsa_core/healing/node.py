@@ -299,12 +299,14 @@ class Nodes:
         """Forget the process of a node that is gone."""
         node, case = kill.node, self._cases.get(kill.node)
         commands: List[Command] = []
-        self._health.gone(node, kill.time)
+        self._health.verified.discard(node)
         self._robot.identities.went(node)
-        if node not in self._health.excluded:  # it is back already, as another process
-            for row in self._health.of_node(node):
-                if row.is_well:
-                    commands += self._robot.identities.came_up(node, row.topic)
+        rows = [row for row in self._health.of_node(node) if row.is_well]
+        if any(row.since > kill.time for row in rows):  # it is back already, as another process
+            for row in rows:
+                commands += self._robot.identities.came_up(node, row.topic)
+        else:
+            self._health.excluded[node] = kill.time
         self._robot.restarted.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
