@@ -39,11 +39,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
         last_good=failure.last_good,
     )
     text = f"{spec.topic} failed: {failure.detail.rstrip('.')}."
-    commands: List[Command] = [Log(Level.WARN, text), ShowIncident(service.incident)]
-    commands += repair.heal(service)
-    if failure.kind is Kind.REQUESTED and service.accusation.kept:
-        commands += leave(service)
-    return commands
+    return [Log(Level.WARN, text), ShowIncident(service.incident), *replan(service, failure)]
 
 
 def replan(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -52,7 +48,7 @@ def replan(service: ServiceMachine, _: Failure) -> List[Command]:
     asked = accused.kind is Kind.REQUESTED and killed is None
     commands = [] if asked and accused.fate is Fate.NONE else repair.heal(service)
     if asked and accused.fate in (Fate.NONE, Fate.KEPT):
-        commands += leave(service)
+        commands += service.substitute.rest(service.spec) + close(service, service.incident.detail)
     return commands
 
 
@@ -156,11 +152,6 @@ def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
     if service.state is State.WELL:
         return commands
     return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
-
-
-def leave(service: ServiceMachine) -> List[Command]:
-    """Close an incident that was asked for: the node goes on as it was."""
-    return service.substitute.rest(service.spec) + close(service, service.incident.detail)
 
 
 def close(service: ServiceMachine, why: str) -> List[Command]:
