@@ -23,6 +23,7 @@ import numpy as np
 from matplotlib import pyplot
 from report import Goals
 
+from shsa_core.codegen.plans import plan_service
 from shsa_core.language.expression import parse_law
 from shsa_core.model.ontology import Ontology, Property, TransferFunction
 from shsa_core.model.service import Provision, Service, Source
@@ -270,9 +271,11 @@ def ready_plans(size: int, say: Say, goals: Goals) -> None:
     tops = [service(c * (length + 1), needed=c < 100) for c in range(count)]
     bottoms = [service(c * (length + 1) + length, quality=0.99) for c in range(count)]
     som = Som(tops + bottoms)
-    table = PlanTable(Ontology({}, {}, functions), som.needed(), "best")
+    model = Ontology({}, {}, functions)
+    search = lambda lost, without: plan_service(model, lost, table.sources, without)
+    table: PlanTable = PlanTable(model, som.needed(), search)
     start = perf_counter()
-    table.change((), som)
+    table.change((), list(som))
     updated = perf_counter() - start
     steps = 0
     while table.step() is not None:

@@ -31,3 +31,14 @@ class Table(Generic[Row, Shown]):
         changed = tuple(self.rows[key] for key in keys if key in self.rows)
         removed = tuple(key for key in keys if key not in self.rows)
         return [self._show(changed, removed)] if keys else []
+
+
+class Keyed:
+    """A row whose key is made of it, by the form `KEY`."""
+
+    KEY = ""
+
+    @property
+    def key(self) -> str:
+        """Return the key, which tells it from all others."""
+        return self.KEY.format(self)

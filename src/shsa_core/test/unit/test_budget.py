@@ -72,13 +72,13 @@ def test_an_event_driven_service_is_found_by_its_connection_alone() -> None:
 
 def test_what_takes_longer_than_is_tolerated_is_told_with_its_sums() -> None:
     plain = replace(FAST, checks=Checks(each=()), fault_tolerant_time=0.9)
-    (late,) = check_budgets(Som([plain]), SETTINGS)
-    assert late.what == (
+    ((_, late),) = check_budgets(Som([plain]), SETTINGS)
+    assert late == (
         "x tolerates 0.9 s, but: "
         "not_a_number: 0.06 s until it is found + 0.90 s until it is healed = 0.96 s; "
         "out_of_range: 0.06 s until it is found + 0.90 s until it is healed = 0.96 s; "
         "silent: 0.25 s until it is found + 0.80 s until it is healed = 1.05 s"
-    ) or late.what.startswith("x tolerates 0.9 s, but: silent: 0.25 s until it is found")
+    ) or late.startswith("x tolerates 0.9 s, but: silent: 0.25 s until it is found")
     enough = replace(plain, standby=Standby.HOT)
     assert not list(check_budgets(Som([enough]), SETTINGS))
     advised, unbounded = replace(plain, policy=Policy.ADVISE), replace(

@@ -6,6 +6,7 @@ from core_robot import (
     A,
     ONTOLOGY,
     SOM,
+    WITH_D,
     Robot,
     function,
     has,
@@ -14,6 +15,7 @@ from core_robot import (
     program_of,
     publishing,
     reads,
+    service,
 )
 from shsa_core.healing import events
 from shsa_core.healing.incident import State
@@ -113,3 +115,12 @@ def test_a_service_that_moves_to_another_topic_is_healed_there() -> None:
     assert last_incident(commands).state is State.ENDED
     start = only(robot.fail("/moved", A, 20.0), events.StartSubstitute)
     assert start.program is not None and start.program.outputs == ("/moved/data",)
+
+
+def test_what_comes_to_be_computed_from_the_lost_service_by_two_steps_is_not_read() -> None:
+    a, b, c = SOM
+    read, middle = replace(b, derived_from=("d",)), service("d", "/d_node")
+    robot = Robot(Som([a, read, c, middle]), WITH_D)
+    assert robot.core.explain("a").relations == ("good",)
+    robot.handle(events.SomChanged(2.0, Som([a, read, c, replace(middle, derived_from=("a",))])))
+    assert robot.core.explain("a").relations == ("poor",)

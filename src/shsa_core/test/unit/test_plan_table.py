@@ -35,9 +35,16 @@ ALL = (ODOM, LEFT, RIGHT, GYRATION)
 def table(services: Iterable[Service] = ALL, robot: Ontology = ROBOT) -> PlanTable:
     """A table of which every answer is made."""
     services = tuple(services)
-    made = PlanTable(robot, [each for each in services if each.needed], "best")
+    made = empty(services, robot)
     made.change((), services)
     make_all(made)
+    return made
+
+
+def empty(services: Iterable[Service], robot: Ontology) -> PlanTable:
+    """A table of which no answer is made."""
+    search = lambda each, without: plan_service(robot, each, made.sources, without)
+    made: PlanTable = PlanTable(robot, [each for each in services if each.needed], search)
     return made
 
 
@@ -152,7 +159,7 @@ def test_the_table_always_says_what_a_search_would_say(seed: int) -> None:
     robot, sources, _ = random_model(seed)
     random = Random(seed)
     every = [replace(each, needed=random.random() < 0.5) for each in som_of(sources)]
-    ready = PlanTable(robot, [each for each in every if each.needed], "best")
+    ready = empty(every, robot)
     available: Dict[str, Service] = {}
     for _ in range(8):
         gone = [each for each in available.values() if random.random() < 0.3]

@@ -5,7 +5,7 @@ percentile of those measured (docs/explanation/experiments.md).
 """
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Iterator, List, NamedTuple
+from typing import Iterator, List, Tuple
 
 from shsa_core.healing.settings import EXIT_TIMEOUT_S, Settings
 from shsa_core.model.checks import RateHigh, RateLow, Stuck
@@ -41,15 +41,8 @@ class Budget:
         return f"{self.kind}: {parts} healed = {self.total:.2f} s"
 
 
-class Late(NamedTuple):
-    """A needed service that is healed later than it may be: where it stands, and the sums."""
-
-    where: str
-    what: str
-
-
-def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Late]:
-    """Report the needed services that are healed later than they may be."""
+def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Tuple[str, str]]:
+    """Yield the needed services that are healed later than they may be: where, and the sums."""
     for service in som.may_be_needed():
         tolerated = service.fault_tolerant_time
         if tolerated is None or service.policy is Policy.ADVISE:
@@ -57,10 +50,9 @@ def check_budgets(som: Som, settings: Settings = Settings()) -> Iterator[Late]:
         if len(som.of_topic(service.topic)) > 1:
             service = replace(service, bridge=0.0)  # on a shared topic nobody fills in
         late = [each for each in budgets(service, settings) if each.total > tolerated]
-        if not late:
-            continue
-        sums = "; ".join(map(str, sorted(late, key=lambda each: -each.total)))
-        yield Late(service.where, f"{service.name} tolerates {tolerated:g} s, but: {sums}")
+        if late:
+            sums = "; ".join(map(str, sorted(late, key=lambda each: -each.total)))
+            yield service.where, f"{service.name} tolerates {tolerated:g} s, but: {sums}"
 
 
 def budgets(service: Service, settings: Settings) -> List[Budget]:

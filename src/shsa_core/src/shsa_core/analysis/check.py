@@ -1,22 +1,16 @@
 """Finds what makes a model invalid, or cannot be read or written on this computer."""
 from dataclasses import replace
-from typing import Iterator, List, NamedTuple, Tuple
+from typing import Iterator, List, Tuple
 
 from shsa_core import message_types
 from shsa_core.codegen.generator import generate_function
-from shsa_core.errors import GenerationError, ModelError, ModelErrors
+from shsa_core.errors import GenerationError, ModelError
 from shsa_core.model.conventions import with_unknowns
 from shsa_core.model.field_value import problem
+from shsa_core.model.log import Level, Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Provision, Service
 from shsa_core.model.som import Som
-
-
-def refuse_invalid(ontology: Ontology, som: Som) -> None:
-    """Raise ModelErrors, with file and line, if a model that can be read is not valid."""
-    errors = [*function_errors(ontology), *name_errors(ontology, som)]
-    if errors:
-        raise ModelErrors(errors)
 
 
 def function_errors(ontology: Ontology) -> Iterator[ModelError]:
@@ -38,24 +32,17 @@ def name_errors(ontology: Ontology, som: Som) -> Iterator[ModelError]:
             yield ModelError(source.provision.where, f"{what} ontology")
 
 
-class Problem(NamedTuple):
-    """Something that cannot be used; `needed`: it would have to be healed."""
-
-    text: str
-    needed: bool
-
-
-def mark_unusable(som: Som) -> Tuple[Som, List[Problem]]:
+def mark_unusable(som: Som) -> Tuple[Som, List[Log]]:
     """Return the SOM with a mark at all that cannot be used here, and what that is.
 
-    What is not marked is used and healed as ever.
+    What is not marked is used and healed as ever; an error is what would have to be healed.
     """
-    problems: List[Problem] = []
+    problems: List[Log] = []
     som = with_unknowns(som, message_types.layout)
     return som.with_services(_marked(service, problems) for service in som), problems
 
 
-def _marked(service: Service, problems: List[Problem]) -> Service:
+def _marked(service: Service, problems: List[Log]) -> Service:
     provides: List[Provision] = []
     unwritable = ""
     for each in service.provides:
@@ -64,8 +51,8 @@ def _marked(service: Service, problems: List[Problem]) -> Service:
         provides.append(replace(each, unreadable=unreadable))
         if unreadable:
             text = f"{service.name}: {each.property} is not read: {unreadable}"
-            problems.append(Problem(text, needed=False))
+            problems.append(Log(Level.WARN, text))
     if service.needed and service.policy.plans and unwritable:
         text = f"{service.name} is needed, and cannot be substituted: {unwritable}"
-        problems.append(Problem(text, needed=True))
+        problems.append(Log(Level.ERROR, text))
     return replace(service, provides=tuple(provides), unwritable=unwritable)

@@ -10,6 +10,8 @@ from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import BY_CLOCK, Contain, Kind, Policy
 from shsa_core.model.service import LastResort, Service
 
+Published = List[Tuple[Service, PublisherHealth]]
+
 
 @dataclass(frozen=True)
 class Charge:
@@ -56,10 +58,9 @@ def decide(charge: Charge) -> Verdict:
     kept = f"{charge.node} is {'left alone if it still runs' if gone else 'kept'}"
     if charge.never:
         return Verdict(False, f"{kept}: {charge.never}")
-    if charge.contain is Contain.NODE:
-        return Verdict(True, f"{killed}: the SOM says so of {topic}")
-    if charge.contain is Contain.NONE:
-        return Verdict(False, f"{kept}: the SOM says so of {topic}")
+    if charge.contain is not None:
+        kill = charge.contain is Contain.NODE
+        return Verdict(kill, f"{killed if kill else kept}: the SOM says so of {topic}")
     if charge.protected:
         return Verdict(False, f"{kept}: {charge.protected}")
     if charge.kind in (Kind.FRAME, Kind.LENGTH):
@@ -110,7 +111,6 @@ class Stakes:
     ) -> Verdict:
         """Decide about a node by all that is at stake; where healing advises, it says so."""
         published = self._published(node)
-        well = [s for s, row in published if row.is_well and s.name != service.name]
         warm = self._robot.time - self._robot.settings.stable
         charge = Charge(
             node,
@@ -118,7 +118,7 @@ class Stakes:
             kind,
             service.contain,
             restarted,
-            self._never(service, node, well),
+            self._never(service, node, published),
             self._health.protected.get(node, ""),
             replaced,
             tuple(sorted(self._costs(service, node, published))),
@@ -134,18 +134,16 @@ class Stakes:
         why = self._robot.waiting(service) or "healing advises"
         return Verdict(False, f"nothing is done, as {why}; else {verdict.why}")
 
-    def _never(self, failed: Service, node: str, well: List[Service]) -> str:
+    def _never(self, failed: Service, node: str, published: Published) -> str:
         """Return why a node is not to be killed for what is said of a service not its own."""
         if self._robot.names.of_healing(node, in_som=node == failed.node):
             return "it belongs to healing or to ROS"
-        for service in well:
-            if node != failed.node and service.needed and service.node == node:
+        for service, row in published:
+            if row.is_well and service.needed and service.node == node != failed.node:
                 return f"the SOM names it for {service.topic}, which is needed and good"
         return ""
 
-    def _costs(
-        self, failed: Service, node: str, published: List[Tuple[Service, PublisherHealth]]
-    ) -> Set[str]:
+    def _costs(self, failed: Service, node: str, published: Published) -> Set[str]:
         others = self._health.doomed - {node}
         doomed = others | {node}
         lost: Set[str] = set()
@@ -163,7 +161,7 @@ class Stakes:
                     lost.add(service.topic)
         return lost
 
-    def _published(self, node: str) -> List[Tuple[Service, PublisherHealth]]:
+    def _published(self, node: str) -> Published:
         service_of, rows = self._robot.som.service_of, self._health.rows
         topics = sorted(self._health.topics.get(node, ()))
         found = ((service_of(topic, node), rows[topic][node]) for topic in topics)

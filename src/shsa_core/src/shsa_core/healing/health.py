@@ -14,7 +14,6 @@ from shsa_core.model.som import Som
 from shsa_core.planning.settings import START_S
 from shsa_core.table import Table
 
-HEALTHY, FAILED = PublisherState.HEALTHY, PublisherState.FAILED
 Heard = Tuple[List[Key], List[FailureSeen]]
 """Whom news of a monitor concerns, and the failures that it tells of."""
 MISSED = (Kind.SILENT, Kind.NEVER_PUBLISHED)
@@ -63,6 +62,10 @@ class Health:
         """Return the row of a publisher of a topic; None: there is none."""
         return self.rows[key[0]].get(key[1])
 
+    def of_node(self, node: str) -> List[PublisherHealth]:
+        """Return the rows of a node, by topic."""
+        return [self.rows[topic][node] for topic in sorted(self.topics.get(node, ()))]
+
     def well(self, topic: str) -> List[str]:
         """Return the publishers of a topic that do well."""
         return [name for name, row in self.rows[topic].items() if row.is_well]
@@ -92,8 +95,7 @@ class Health:
 
     def succeeded(self, node: str) -> bool:
         """Tell that a dying node has another life, which has not failed."""
-        rows = (self.rows[topic][node] for topic in self.topics.get(node, ()))
-        return any(self._is_next(row) for row in rows if not row.has_failed)
+        return any(self._is_next(row) for row in self.of_node(node) if not row.has_failed)
 
     def fails_anew(self, key: Key, since: float) -> bool:
         """Tell that another life of a dying node has failed on a topic since a moment."""
@@ -153,13 +155,13 @@ class Health:
         False: the table tells of what came then or later.
         """
         key = failure.topic, failure.publisher
-        known = self.row(key) or PublisherHealth(*key, FAILED, -inf)
+        known = self.row(key) or PublisherHealth(*key, PublisherState.FAILED, -inf)
         if known.since >= failure.time:
             return False
         good, first = failure.last_good, known.first_message
         if good is not None and good < (known.since if first is None else first):
             good = known.last_good  # that was its former life
-        whose = *key, FAILED, failure.time, first, good
+        whose = *key, PublisherState.FAILED, failure.time, first, good
         told = failure.kind, failure.detail, failure.service, b"", known.uri
         self._put(PublisherHealth(*whose, *told))
         return True
@@ -222,13 +224,6 @@ class Health:
             self.templates.pop(key, None)
             self._records.set(f"template {topic} {node}", None)
 
-    def gone(self, node: str, time: float) -> None:
-        """Note that a node was gone at `time`; if it is well since, that is another process."""
-        self.verified.discard(node)
-        rows = (self.rows[topic][node] for topic in self.topics.get(node, {}))
-        if not any(row.is_well and row.since > time for row in rows):
-            self.excluded[node] = time
-
     # A monitor is lost, or starts anew.
 
     def missed(self, time: float) -> Optional[HealthSeen]:
@@ -265,7 +260,7 @@ class Health:
         self._lost.add(host)
         told = [key for key, told_at in self._told_at.items() if told_at == host]
         lost = [key for key in told if self.healthy(key) and key[1] not in apart]
-        silent = {"state": FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
+        silent = {"state": PublisherState.FAILED, "since": time, "kind": Kind.SILENT, "detail": why}
         self.stranded.update(lost)
         return self._take_over([replace(self.rows[t][node], **silent) for t, node in lost], host)
 
@@ -276,8 +271,6 @@ class Health:
 
     def _heard(self, change: HealthSeen) -> List[PublisherHealth]:
         """Return the rows without those of whom a new monitor knows nothing yet."""
-        if not self._unheard:
-            return list(change.rows)
         rows = []
         for row in change.rows:
             if row.key in self._unheard and row.state is PublisherState.UNKNOWN:
@@ -291,8 +284,6 @@ class Health:
 
     def _returned(self, time: float, rows: List[PublisherHealth]) -> List[PublisherHealth]:
         """Return the rows in which those are back since now whose monitor was lost."""
-        if not self.stranded:
-            return rows
         found = []
         for row in rows:
             before = self.row(row.key)
@@ -324,20 +315,15 @@ class Availability:
         """
         before, service = self.services.pop(name, None), som.services.get(name)
         self.unavailable.discard(name)
-        if service is None:
-            self.states.set(name, None)
-            return before, None
-        state = self.state(som, service, why)
+        state = None if service is None else self.state(som, service, why)
         self.states.set(name, state)
-        if not state.available:
+        now = None
+        if state is not None and state.available:
+            found = replace(state.service, node=state.node)
+            now = self.services[name] = before if before and before == found else found
+        elif state is not None:
             self.unavailable.add(name)
-            return before, None
-        service = replace(service, node=state.node)
-        if service == before:
-            self.services[name] = before
-            return None, None
-        self.services[name] = service
-        return before, service
+        return (None, None) if now is before else (before, now)
 
     def state(self, som: Som, service: Service, why: str) -> ServiceState:
         """Return how a service stands."""

@@ -99,10 +99,8 @@ class Incident:
 
     def as_dict(self) -> Dict[str, object]:
         """The record as plain values, as one line of the incident log has it."""
-        record = asdict(self)
-        record["state"], record["kind"] = self.state.value, self.kind.value
-        record["outage"] = self.outage
-        return record
+        words = {"state": self.state.value, "kind": self.kind.value}
+        return {**asdict(self), **words, "outage": self.outage}
 
 
 WELL = Incident(0, "", "", (), "", Kind.OTHER, "", 0.0, State.WELL)

@@ -92,12 +92,6 @@ class _Kill:
     forced: bool = False
     starter: str = ""
 
-    @property
-    def listen(self) -> float:
-        """Return for how long its node is listened to on its own computer, in s."""
-        period = self.order.period
-        return max(limits.LISTEN_S, limits.LISTEN_PERIODS * period) if period else 0.0
-
 
 class Kills:
     """The kills that are under way; those are `Health.dying`.
@@ -220,7 +214,7 @@ class Kills:
     def unreached(self, time: float, node: str, detail: str) -> List[Said]:
         """End a kill as the node's computer was lost, or does not answer in time."""
         self._slow.pop(node, None)
-        if self._kills[node].order.if_dead:
+        if self._kills[node].order.if_dead or not self._robot.host_of(node):
             return self._over(time, node, False, detail)
         return self._end(time, node, Outcome.UNREACHED, detail)
 
@@ -293,10 +287,11 @@ class Kills:
         return seen, PASSES
 
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:
-        kill = self._kills[node]
-        self.agenda.set(node, time + limits.FIND_TIMEOUT_S + kill.listen)
-        urgent, spares = not kill.order.if_dead, not kill.order.quick
-        return events.FindNode(node, urgent, topic, kill.listen, self._health.dying[node], spares)
+        order = self._kills[node].order
+        listen = max(limits.LISTEN_S, limits.LISTEN_PERIODS * order.period) if order.period else 0.0
+        self.agenda.set(node, time + limits.FIND_TIMEOUT_S + listen)
+        urgent, spares = not order.if_dead, not order.quick
+        return events.FindNode(node, urgent, topic, listen, self._health.dying[node], spares)
 
     def _force(self, time: float, node: str, kill: _Kill) -> List[Command]:
         gently, kill.answered = kill.answered, False
@@ -318,8 +313,7 @@ class Kills:
         self, time: float, node: str, outcome: Outcome, detail: str = "", cause: str = ""
     ) -> List[Said]:
         kill, health = self._kills.pop(node), self._health
-        topics = health.topics.get(node, ())
-        failing = tuple(each for each in topics if health.fails_anew((each, node), kill.begun))
+        failing = [e.topic for e in health.of_node(node) if health.fails_anew(e.key, kill.begun)]
         del health.dying[node]
         self.agenda.set(node, None)
-        return [KillOver(time, node, outcome, detail, cause, kill.starter, failing)]
+        return [KillOver(time, node, outcome, detail, cause, kill.starter, tuple(failing))]

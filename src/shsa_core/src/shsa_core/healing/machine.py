@@ -17,12 +17,11 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Event, FailureSeen, Log
 from shsa_core.healing.incident import Incident, State, Trigger
 from shsa_core.healing.kill import KILL_EVENTS
-from shsa_core.healing.process import standby
 from shsa_core.healing.records import Counters
 from shsa_core.healing.robot import Robot
 from shsa_core.healing.settings import ANSWER_S, Settings
 from shsa_core.model.error import Error
-from shsa_core.model.kinds import Kind, Standby
+from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Level
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -120,9 +119,8 @@ class Reconfigurator:
         commands: List[Command] = []
         for each in self._let_through(event) if robot.maintained else [event]:
             commands += self._handlers[type(each)](each)
-        if processes.starts.waiting:
-            turns = processes.starts.due(robot.time)
-            commands += self._core.ask_all(turns, lambda each: each.replan())
+        turns = processes.starts.due(robot.time)
+        commands += self._core.ask_all(turns, lambda each: each.replan())
         commands += self._core.settle()
         if not self._over:
             commands += processes.refill(robot.time)
@@ -214,15 +212,8 @@ class Reconfigurator:
 
     def _offer(self, service: Service) -> None:
         """Plan ahead for a service if it is needed, and let the pool serve it if it is warm."""
-        plans = self.robot.planner.plans
-        if service.needed:
-            plans.serve(service)
-        else:
-            plans.forget(service.name)
-        if standby(service) is Standby.WARM:
-            self._processes.stand_by(service, None)
-        else:
-            self._processes.no_stand_by(service.name)
+        self.robot.planner.plans.serve(service)
+        self._processes.stand_by(service, None)
 
     def _som_changed(self, event: events.SomChanged) -> List[Command]:
         robot = self.robot
@@ -238,16 +229,14 @@ class Reconfigurator:
             if now is None or now.topic != before.topic:
                 commands += self._remove(before.name)
         robot.som = robot.planner.som = som
+        follow = lambda each: each.replan() if each.spec.needed else each.fire(Trigger.WITHDRAWN)
         for service in som:
             if service.name not in self.services:
                 self._add(service)
             elif service.topic in topics:
                 self._core.unsettle([service.name])
                 self._offer(service)
-                close = not service.needed
-                commands += self._core.ask(
-                    service.name, lambda e: e.fire(Trigger.WITHDRAWN) if close else e.replan()
-                )
+                commands += self._core.ask(service.name, follow)
         commands += self._core.settle()  # what is read may be another topic, or there no more
         readers = robot.indexes.readers(each.name for each in both if each.topic in topics)
         asked = dict.fromkeys((*robot.indexes.kept, *readers))
@@ -339,8 +328,7 @@ class Reconfigurator:
             return [events.ShowIncident(incident)]
         if service is None:
             return []
-        originals = self.robot.health.originals(self.robot.som, service)
-        well = next((row for row in originals if row.is_well), None)
+        well = next((row for row in self.services[service.name].originals if row.is_well), None)
         node, last_good = (well.publisher, well.last_good) if well else (service.node, None)
         what = service.name, service.topic, node, Kind.REQUESTED, "somebody asked for a substitute"
         failure = FailureSeen(event.time, *what, last_good, event.last_message)
@@ -349,14 +337,15 @@ class Reconfigurator:
     def _calibrations_heard(self, event: events.CalibrationsHeard) -> List[Command]:
         """Note what the substitutes start with; one that computes already, as hot, follows."""
         known, services = self.robot.calibrations, self.services
+        healing = self.robot.indexes.healing
         for name, program in event.removed:
-            if self._core.incident(name) is None:
+            if name not in healing:
                 known.leave(name, program)
-        healing = {row.service: self._core.incident(row.service) is not None for row in event.rows}
-        counts = [row.service for row in event.rows if known.add(row, healing[row.service])]
+        counts = [row.service for row in event.rows if known.add(row, row.service in healing)]
         self.robot.planner.replan()
         names = [n for n in dict.fromkeys(counts) if n in services and services[n].node]
-        return self._core.ask_all(names, lambda each: each.outgrown())
+        outgrown = lambda each: each.fire(Trigger.OUTGROWN) if each.state is State.HEALED else []
+        return self._core.ask_all(names, outgrown)
 
     def _idle(self, event: events.Idle) -> List[Command]:
         """Make one plan ahead; what follows it follows the new one."""
@@ -364,9 +353,7 @@ class Reconfigurator:
         name = plans.step()
         if name is None:
             return []
-        service = self.robot.som.services[name]
-        if standby(service) is Standby.WARM:
-            self._processes.stand_by(service, plans.plan(name))
+        self._processes.stand_by(self.robot.som.services[name], plans.plan(name))
         return self._core.ask(name, lambda each: each.replan())
 
     def _tick(self, event: events.Tick) -> List[Command]:

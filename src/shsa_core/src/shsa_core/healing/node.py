@@ -123,7 +123,7 @@ class Nodes:
         well = case.trust.well_since if well_at is None else well_at
         trust = replace(case.trust, start_at=None, awaited_by=None, well_since=well)
         stranger = node != service.node  # there may be any number of them
-        self._trust(node, case, UNTRIED if stranger else trust)
+        self._trust(node, UNTRIED if stranger else trust)
         if stranger:
             del self._cases[node]
 
@@ -258,8 +258,7 @@ class Nodes:
 
     def _over(self, kill: KillOver) -> List[Said]:
         """Note how a kill ended: whoever is not heard of or may do well is killed later."""
-        node, host = kill.node, self._robot.host_of(kill.node)
-        held = self._held(node).values()
+        node, held = kill.node, self._held(kill.node).values()
         accusations = [each for each in held if each.topic not in kill.failing]
         for each in held:  # who fails is its next life: it is judged anew
             row = self._health.row((each.topic, node))
@@ -267,8 +266,6 @@ class Nodes:
                 each.fate, each.kind = Fate.OPEN, row.kind or Kind.OTHER
         if kill.outcome is not Outcome.GONE:  # what it is kept for goes on as before
             accusations = [e for e in accusations if not e.kept or e.kind is Kind.NODE_GONE]
-        if kill.outcome is Outcome.UNREACHED and not host:
-            kill = replace(kill, outcome=Outcome.UNSURE)
         if kill.outcome is Outcome.SPARED:
             for each in accusations:
                 if each.kind is Kind.NODE_GONE and each.fate is not Fate.NONE:
@@ -302,16 +299,18 @@ class Nodes:
         """Forget the process of a node that is gone."""
         node, case = kill.node, self._cases.get(kill.node)
         commands: List[Command] = []
-        self._health.gone(node, kill.time)
+        self._health.verified.discard(node)
         self._robot.identities.went(node)
-        if node not in self._health.excluded:  # it is back already, as another process
-            for topic in sorted(self._health.topics.get(node, ())):
-                if self._health.healthy((topic, node)):
-                    commands += self._robot.identities.came_up(node, topic)
+        rows = [row for row in self._health.of_node(node) if row.is_well]
+        if any(row.since > kill.time for row in rows):  # it is back already, as another process
+            for row in rows:
+                commands += self._robot.identities.came_up(node, row.topic)
+        else:
+            self._health.excluded[node] = kill.time
         self._robot.restarted.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
-            self._trust(node, case, replace(case.trust, doubtful=doubtful))
+            self._trust(node, replace(case.trust, doubtful=doubtful))
         return commands
 
     def _held(self, node: str) -> Dict[str, Accusation]:
@@ -323,8 +322,7 @@ class Nodes:
         if case and case.refusals:
             self.forgive(node)  # it cannot be kept out, and two publishers are worse than one
         if case:
-            trust = replace(case.trust, start_at=None, awaited_by=None, exhausted=True)
-            self._trust(node, case, trust)
+            self._trust(node, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
 
     # The way back.
 
@@ -370,13 +368,13 @@ class Nodes:
             trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
             within = settings.relapse * settings.hold_off
             if trust.returned is None or time - trust.returned > within:
-                self._trust(node, case, trust)
+                self._trust(node, trust)
                 self.forgive(node)
                 return
         by_link = kind in BY_LINK and bool(self._robot.host_of(service.node))
         doubtful = trust.doubtful + (by_link or kind in MISSED)
         trust = replace(trust, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
-        self._trust(node, case, trust)
+        self._trust(node, trust)
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
@@ -394,20 +392,19 @@ class Nodes:
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout
         start = None if by == node else trust.start_at
-        self._trust(node, case, replace(trust, returned=since, start_at=start, awaited_by=awaited))
+        self._trust(node, replace(trust, returned=since, start_at=start, awaited_by=awaited))
 
     def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
-        case, settings = self._cases[node], self._settings
-        trust = case.trust
+        trust, settings = self._cases[node].trust, self._settings
         if trust.start_at is not None:
             return
         if self.kept_out(node) or trust.restarts >= settings.node_restarts:
-            self._trust(node, case, replace(trust, exhausted=True, awaited_by=None))
+            self._trust(node, replace(trust, exhausted=True, awaited_by=None))
             return
         due = self._robot.time + doubled(settings.restart_pause, trust.restarts)
         restarts = trust.restarts + 1
-        self._trust(node, case, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
+        self._trust(node, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
     def _return_due(self, node: str, case: Case) -> List[Command]:
         specs = map(self._robot.spec, tuple(case.accusations))
@@ -416,14 +413,13 @@ class Nodes:
         patience = doubled(self._settings.restart_timeout, case.trust.restarts - 1)
         awaited = starts and own and not all(each.back for each in case.accusations.values())
         due = self._robot.time + patience if awaited else None
-        self._trust(node, case, replace(case.trust, start_at=None, awaited_by=due))
+        self._trust(node, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
         topics = ", ".join(each.topic for each in own)
         if starts:
-            health, gone = self._health, self._health.excluded.get(node, -math.inf)
-            rows = (health.row((topic, node)) for topic in health.topics.get(node, ()))
-            if any(row and not row.has_failed and row.since > gone for row in rows):
+            gone, rows = self._health.excluded.get(node, -math.inf), self._health.of_node(node)
+            if any(not row.has_failed and row.since > gone for row in rows):
                 return []  # somebody else has started it, and it has its time to come up
             text = f"{topics}: {node} is started again."
             return [Log(Level.INFO, text), events.RestartNode(node)]
@@ -439,8 +435,7 @@ class Nodes:
         case = self._cases[node]
         case.refusals = 0
         trust = replace(case.trust, restarts=0, exhausted=False) if wholly else case.trust
-        none = replace(trust, relapses=0, doubtful=0, soon=False, returned=None)
-        self._trust(node, case, none)
+        self._trust(node, replace(trust, relapses=0, doubtful=0, soon=False, returned=None))
 
     def refuse(self, node: str, topic: str) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
@@ -457,9 +452,10 @@ class Nodes:
 
     def recall(self, record: NodeRecord) -> None:
         """Trust a node as a former reconfigurator did."""
-        self._trust(record.node, self._cases.setdefault(record.node, Case()), record.trust)
+        self._trust(record.node, record.trust)
 
-    def _trust(self, node: str, case: Case, trust: Trust) -> None:
+    def _trust(self, node: str, trust: Trust) -> None:
+        case = self._cases.setdefault(node, Case())
         if trust == case.trust:
             return
         case.trust = trust

@@ -100,29 +100,28 @@ class Processes:
         The table tells a process that runs. `ahead`: nothing has failed yet; then several may share
         it.
         """
-        plan, host = substitute.plan, substitute.host
-        time, planner = self._robot.time, self._robot.planner
+        plan, host, robot = substitute.plan, substitute.host, self._robot
         assert plan is not None
-        shared = ahead and not host and self._shares(service, plan)
-        warm = standby(service) is Standby.WARM and not shared
-        spare = self.pool.spare(host, self._robot.health.well(service.topic)) if warm else None
-        substitute.shared, substitute.started = shared, time if spare is None else spare.started
-        node = "" if spare is None else spare.node
+        node, substitute.started = "", robot.time
+        substitute.shared = shared = ahead and not host and self._shares(service, plan)
         if shared:
             roomy = (each for each in self._shared if len(self._services[each]) < self._most)
             apart = lambda each: service.node != each.node and service.topic != each.topic
             fits = (n for n in roomy if all(map(apart, self._services[n].values())))
             node = next(fits, "")
-        elif node:
-            self.pool.take(time, node)
-            self._robot.records.set(f"idle {node}", None)
+        elif standby(service) is Standby.WARM:
+            spare = self.pool.spare(host, robot.health.well(service.topic))
+            if spare is not None:
+                node, substitute.started = spare.node, spare.started
+                self.pool.take(robot.time, node)
+                robot.records.set(spare.key, None)
         commands: List[Command] = []
         if not node and shared:
-            node = self._robot.names.fresh("host")
+            node = robot.names.fresh("host")
             commands = [self._start(events.StartSubstitute(node, None, shared=True))]
         elif not node:
-            node = self._robot.names.fresh(service.topic.strip("/").replace("/", "_"))
-            inputs, outputs = planner.signals(plan.inputs), planner.outputs(plan)
+            node = robot.names.fresh(service.topic.strip("/").replace("/", "_"))
+            inputs, outputs = robot.planner.signals(plan.inputs), robot.planner.outputs(plan)
             start = events.StartSubstitute(node, plan.program, inputs, outputs, host)
             commands = [self._start(start)]
         substitute.node = node
@@ -189,7 +188,10 @@ class Processes:
     # The pool.
 
     def stand_by(self, service: Service, plan: Optional[Plan]) -> None:
-        """Let idle processes prepare for a warm service where its plan is placed."""
+        """Let idle processes prepare for a service, if it is warm, where its plan is placed."""
+        if standby(service) is not Standby.WARM:
+            self.no_stand_by(service.name)
+            return
         if plan is not None:
             host = self.placement.stands_by(self._robot.time, service, self.placement.inputs(plan))
         else:

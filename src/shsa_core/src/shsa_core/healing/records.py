@@ -9,6 +9,7 @@ from shsa_core.healing.incident import Incident
 from shsa_core.model.kinds import Kind, Word
 from shsa_core.model.substitution import Substitution
 from shsa_core.planning.pool import IdleProcess
+from shsa_core.table import Keyed
 
 
 class Fate(Word):
@@ -39,17 +40,6 @@ class Trust:
     well_since: Optional[float] = None
     start_at: Optional[float] = None
     awaited_by: Optional[float] = None
-
-
-class Keyed:
-    """A record; `KEY` is how its key is made of it."""
-
-    KEY = ""
-
-    @property
-    def key(self) -> str:
-        """Return the key, which tells it from all others."""
-        return self.KEY.format(self)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 """Has a service published again: searches, has its node judged, and sets a process to work."""
-from typing import List, Optional, Tuple
+from typing import Dict, List, Optional, Tuple
 
 from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
@@ -9,7 +9,7 @@ from shsa_core.healing.process import standby
 from shsa_core.healing.service import Failure, ServiceMachine
 from shsa_core.model.kinds import Kind, Policy, Standby
 from shsa_core.model.log import Level
-from shsa_core.planning.placement import HERE
+from shsa_core.planning.placement import HERE, Place
 from shsa_core.planning.settings import LONGEST_START_S
 
 NOT_MISSED = ShsaError("nothing is missing")
@@ -75,7 +75,7 @@ def give_way(service: ServiceMachine, _: Failure) -> List[Command]:
         return [said, *heal(service)] if why else []
     substitute.tried = substitute.vain
     text = "the substitute is contradicted: its error has grown. The next best takes its place."
-    return [service.log(text), *follow(service, another)]
+    return [service.log(text), *follow(service, another, Place(substitute.host))]
 
 
 def retry(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -86,7 +86,7 @@ def retry(service: ServiceMachine, _: Failure) -> List[Command]:
 
 def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
     """Search, decide about the node, and set a process to work, unless it follows that plan."""
-    plan, none = search(service)
+    plan, place, none = search(service)
     commands = service.judge(service.accusation, plan)
     if idle(service):
         return commands + keep(service, plan, none)
@@ -97,22 +97,20 @@ def heal(service: ServiceMachine, _: Failure = None) -> List[Command]:
     follows = service.incident.state is State.HEALED or Trigger.LATE in service.timers
     if follows and plan == service.substitute.plan:
         return commands + service.step() if commands else []
-    return commands + follow(service, plan)
+    return commands + follow(service, plan, place)
 
 
-def search(service: ServiceMachine) -> Tuple[Optional[Plan], ShsaError]:
-    """Return the plan to follow now; None: there is none, and why."""
+def search(service: ServiceMachine) -> Tuple[Optional[Plan], Place, ShsaError]:
+    """Return the plan to follow now, and where; None: there is none, and why."""
     spec, policy, substitute = service.spec, service.spec.policy, service.substitute
-    service.place = HERE
     try:
         if not policy.plans:
             raise ShsaError(f"its policy is {policy}")
         plan = substitute.find(spec, service.incident.faulty_node)
-        if policy.substitutes:
-            service.place = substitute.place(spec, plan)
-        return plan, NOT_MISSED
+        place = substitute.place(spec, plan) if policy.substitutes else HERE
+        return plan, place, NOT_MISSED
     except ShsaError as none:
-        return None, none
+        return None, HERE, none
 
 
 def idle(service: ServiceMachine) -> bool:
@@ -121,15 +119,14 @@ def idle(service: ServiceMachine) -> bool:
     return policy is Policy.ADVISE or (accused.kept and (accused.heard or not policy.substitutes))
 
 
-def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
-    """Set a process to work on a plan."""
+def follow(service: ServiceMachine, plan: Plan, place: Place) -> List[Command]:
+    """Set a process to work on a plan, in a place."""
     spec, robot, substitute = service.spec, service.robot, service.substitute
-    incident = service.incident
-    state, first_message, last_good = incident.state, incident.first_message, incident.last_good
+    state = service.incident.state
     if state is State.KEPT:
         substitute.working_since = robot.time
     publishes = bool(substitute.node) and state in (State.HEALED, State.SAFE)
-    text, place = f"{spec.topic}: found a substitute of {plan.told}.", service.place
+    text = f"{spec.topic}: found a substitute of {plan.told}."
     commands = substitute.use(spec, plan, place, publishes)
     starts = bool(commands)
     if spec.standby is Standby.WARM and starts:
@@ -137,14 +134,13 @@ def follow(service: ServiceMachine, plan: Plan) -> List[Command]:
     text += place.words
     commands.append(Log(Level.INFO, text))
     service.timers.clear()
-    state = State.HEALED
+    anew: Dict[str, object] = {}
     if not publishes:
         service.timers[Trigger.LATE] = robot.time + substitute.patience
-        state, first_message, last_good = State.HEALING, None, ends_at(service)
+        anew = {"first_message": None, "last_good": ends_at(service)}
     return commands + service.step(
-        state=state,
-        first_message=first_message,
-        last_good=last_good,
+        state=State.HEALED if publishes else State.HEALING,
+        **anew,
         found=robot.time,
         spawned=None if starts else robot.time,
         detail=text,
@@ -178,9 +174,7 @@ def keep(service: ServiceMachine, plan: Optional[Plan], none: ShsaError) -> List
     commands = service.substitute.rest(spec)
     acts = spec.policy is not Policy.ADVISE and incident.kind is not Kind.REQUESTED
     commands += wait(service, acts)
-    could = f"It cannot be replaced: {none}"
-    if plan is not None:
-        could = f"It could be replaced: {plan.told}"
+    could = f"It could be replaced: {plan.told}" if plan else f"It cannot be replaced: {none}"
     detail = f"{spec.topic}: {service.accusation.decision}. {could}."
     if incident.state is State.KEPT and incident.detail == detail:
         return commands

@@ -23,7 +23,6 @@ from shsa_core.model.kinds import Kind, OnPartition, Policy
 from shsa_core.model.log import Level
 from shsa_core.model.service import Service
 from shsa_core.model.substitution import CHANGEOVER_S, Substitution
-from shsa_core.planning.placement import HERE
 
 Failure = Optional[FailureSeen]
 Action = Callable[["ServiceMachine", Failure], List[Command]]
@@ -39,8 +38,7 @@ class ServiceMachine:
 
     A hot service has its substitute before the incident and keeps it after: muted, and computing.
     `spec`: the service as it counts now. `accusation`: what is held against the node that the
-    incident blames. `last_message`: the last good one of the service, serialized. `place`: where
-    its substitute runs, or would.
+    incident blames. `last_message`: the last good one of the service, serialized.
     """
 
     def __init__(
@@ -61,7 +59,6 @@ class ServiceMachine:
         self.substitute = Substitute(spec.name, robot, processes)
         self.timers: Dict[Trigger, float] = {}
         self.pauses = 0
-        self.place = HERE
         self.last_message = b""
         self._message_came = -math.inf
         self._story: Deque[Tuple[float, State, Trigger, State]] = deque(maxlen=20)
@@ -95,8 +92,7 @@ class ServiceMachine:
     @property
     def parted(self) -> bool:
         """Tell that a cut may part the substitute from us, or from the original."""
-        host = self.spec.host
-        return bool(self.substitute.host or (host and self.robot.computers.name(host)))
+        return bool(self.substitute.host or self.robot.computers.name(self.spec.host))
 
     @property
     def refuses(self) -> bool:
@@ -305,27 +301,25 @@ class ServiceMachine:
         computer is not: only the agent may have died. Of one whose messages are due at no time,
         that cannot be said.
         """
-        substitute, robot = self.substitute, self.robot
-        if not self.node or substitute.plan is None:
+        substitute, robot, spec, why = self.substitute, self.robot, self.spec, ""
+        if substitute.plan is None:
             return []
-        lost = robot.computers.lost(substitute.host)
-        heard = robot.health.healthy((self.spec.topic, self.node)) and not self.spec.event_driven
+        host, well = substitute.host, self.state is State.WELL
+        lost = robot.computers.lost(host)
         if lost:
-            text = f"{self.node} cannot be reached: {substitute.host} is lost: {lost}"
-            return [] if heard and self.publishes else self._move(text)
-        if not self.processes.placement.allowed(self.spec, substitute.host):
-            return self._move(f"{self.node} must not run on {substitute.host or 'here'}")
-        host = substitute.host
-        if self.state is State.WELL:
+            heard = robot.health.healthy((spec.topic, self.node)) and not spec.event_driven
+            stays = heard and self.publishes
+            why = "" if stays else f"cannot be reached: {host} is lost: {lost}"
+        elif not self.processes.placement.allowed(spec, host):
+            why = f"must not run on {host or 'here'}"
+        elif well:
             with suppress(ShsaError):  # it has a place
-                host = self.processes.place(self.spec, substitute.plan).host
-        if host == substitute.host:
+                place = self.processes.place(spec, substitute.plan).host
+                why = "" if place == host else f"moves to {place or 'our own computer'}"
+        if not why:
             return []
-        return self._move(f"{self.node} moves to {host or 'our own computer'}")
-
-    def _move(self, why: str) -> List[Command]:
-        commands = [*self.substitute.drop(), self.log(f"the substitute {why}.")]
-        well = self.state is State.WELL
+        said = self.log(f"the substitute {self.node} {why}.")
+        commands = [*substitute.drop(), said]
         return commands + self.fire(Trigger.REPLAN if well else Trigger.SUBSTITUTE_FAILED)
 
     # The world changes.
@@ -358,10 +352,6 @@ class ServiceMachine:
         kept = self.accusation.kept and state is not State.RETURNING
         return self.fire(Trigger.REPLAN) if well or waits or kept else []
 
-    def outgrown(self) -> List[Command]:
-        """Change the plan of a substitute that errs too much, or clearly more than another."""
-        return self.fire(Trigger.OUTGROWN) if self.state is State.HEALED else []
-
     def tick(self) -> List[Command]:
         """Act on the timers that are due."""
         commands: List[Command] = []
@@ -374,10 +364,9 @@ class ServiceMachine:
     def first_message(self) -> Optional[float]:
         """Return when the substitute published first in this takeover, or had recovered."""
         row = self.robot.health.rows[self.spec.topic].get(self.substitute.node)
-        if row is None or not row.is_well:
-            return None
-        counts = [moment for moment in (row.first_message, row.since) if moment is not None]
-        return next((m for m in counts if m >= self.substitute.working_since), None)
+        moments = (row.first_message, row.since) if row is not None and row.is_well else ()
+        since = self.substitute.working_since
+        return next((m for m in moments if m is not None and m >= since), None)
 
     def _notice_first_message(self) -> List[Command]:
         if self.state is not State.HEALING or not self.node or self.first_message() is None:

@@ -40,10 +40,9 @@ def started(core: Core, event: events.Started) -> List[Command]:
     commands = _take_up(core, event)
     kept = {*core.processes.nodes, *robot.restarted}
     stopped = {each.node for each in commands if isinstance(each, events.StopNode)}
-    for node in event.running:
-        if node not in kept | stopped:
-            commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-            commands.append(events.StopNode(node))
+    orphans = [events.StopNode(node) for node in event.running if node not in kept | stopped]
+    for each in (*orphans, *map(events.ClearNode, filter(names.avoid, event.leftovers))):
+        commands += [Log(Level.WARN, f"Stopping orphaned substitute {each.node}."), each]
     if event.records:
         incidents = sum(each.state is not State.WELL for each in core.services.values())
         working, idle = len(core.processes.substituted), len(core.processes.pool.processes)
@@ -52,42 +51,34 @@ def started(core: Core, event: events.Started) -> List[Command]:
     for node in filter(names.avoid, event.strangers):
         text = f"{node} is left alone: it is named as a substitute, but is not known to be one."
         commands.append(Log(Level.WARN, f"{text} If it was left behind: rosnode kill {node}"))
-    for node in filter(names.avoid, event.leftovers):
-        commands.append(Log(Level.WARN, f"Stopping orphaned substitute {node}."))
-        commands.append(events.ClearNode(node))
     return commands
 
 
 def _take_up(core: Core, event: events.Started) -> List[Command]:
     robot, services = core.robot, core.robot.som.services
     health, processes = robot.health, core.processes
-    stand = [each for each in event.records if isinstance(each, ServiceRecord)]
-    for record in event.records:
-        if isinstance(record, Counters):
-            robot.incidents = max(robot.incidents, record.incidents)
-            robot.names.next = max(robot.names.next, record.names)
-        elif isinstance(record, NodeRecord):
-            core.nodes.recall(record)
-        elif isinstance(record, Template):
-            health.was_well((record.topic, record.publisher), record.message)
-    for each in stand:  # all of them, before any can end a process that it shares
-        row = each.substitution
+    of = lambda kind: [each for each in event.records if isinstance(each, kind)]
+    for counters in of(Counters):
+        robot.incidents = max(robot.incidents, counters.incidents)
+        robot.names.next = max(robot.names.next, counters.names)
+    for record in of(NodeRecord):
+        core.nodes.recall(record)
+    for well in of(Template):
+        health.was_well((well.topic, well.publisher), well.message)
+    for each in of(ServiceRecord):  # all of them, before any can end a process that it shares
+        row, service = each.substitution, services.get(each.service)
         if row is not None:
             health.substitutes.add(row.node)
-            service = services.get(each.service)
             if service is not None:
                 processes.take_up(service, row.node, row.shared)
-    commands: List[Command] = []
-    for record in event.records:
-        if isinstance(record, Healthy):
-            commands += _recall(core, record)
+    commands = [command for record in of(Healthy) for command in _recall(core, record)]
     commands += core.settle()
-    for record in event.records:
-        if isinstance(record, IdleProcess) and record.node in event.running:
-            if not record.host and processes.pool.deadline < inf:  # it lacks one
-                processes.add_idle(record)
-    for each in stand:
-        commands += _take_up_service(core, event, each)
+    for idle in of(IdleProcess):
+        lacking = not idle.host and processes.pool.deadline < inf
+        if lacking and idle.node in event.running:
+            processes.add_idle(idle)
+    for record in of(ServiceRecord):
+        commands += _take_up_service(core, event, record)
     return commands
 
 

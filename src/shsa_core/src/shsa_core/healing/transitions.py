@@ -39,11 +39,7 @@ def begin(service: ServiceMachine, failure: Failure) -> List[Command]:
         last_good=failure.last_good,
     )
     text = f"{spec.topic} failed: {failure.detail.rstrip('.')}."
-    commands: List[Command] = [Log(Level.WARN, text), ShowIncident(service.incident)]
-    commands += repair.heal(service)
-    if failure.kind is Kind.REQUESTED and service.accusation.kept:
-        commands += leave(service)
-    return commands
+    return [Log(Level.WARN, text), ShowIncident(service.incident), *replan(service, failure)]
 
 
 def replan(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -52,7 +48,7 @@ def replan(service: ServiceMachine, _: Failure) -> List[Command]:
     asked = accused.kind is Kind.REQUESTED and killed is None
     commands = [] if asked and accused.fate is Fate.NONE else repair.heal(service)
     if asked and accused.fate in (Fate.NONE, Fate.KEPT):
-        commands += leave(service)
+        commands += service.substitute.rest(service.spec) + close(service, service.incident.detail)
     return commands
 
 
@@ -92,9 +88,9 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     accusation = service.accusation
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
-    plan, none = repair.search(service)
     detail = f"{node} failed again: {failure.detail}"
-    commands += [service.log(f"{detail}."), *service.judge(accusation, plan)]
+    judged = service.judge(accusation, repair.search(service)[0])
+    commands += [service.log(f"{detail}."), *judged]
     healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:
@@ -107,9 +103,8 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
         returned=None,
         detail=detail,
     )
-    if repair.idle(service):
-        return commands + repair.keep(service, plan, none)
-    return commands if healed else commands + repair.heal(service)
+    goes_on = healed and not repair.idle(service)
+    return commands if goes_on else commands + repair.heal(service)
 
 
 def show(service: ServiceMachine, _: Failure) -> List[Command]:
@@ -157,11 +152,6 @@ def withdraw(service: ServiceMachine, _: Failure) -> List[Command]:
     if service.state is State.WELL:
         return commands
     return commands + close(service, f"{service.spec.name} is not in the SOM any more.")
-
-
-def leave(service: ServiceMachine) -> List[Command]:
-    """Close an incident that was asked for: the node goes on as it was."""
-    return service.substitute.rest(service.spec) + close(service, service.incident.detail)
 
 
 def close(service: ServiceMachine, why: str) -> List[Command]:

@@ -105,7 +105,7 @@ class Service:
     bridge: Optional[float] = None
     weakened: str = ""
     fastest: Optional[float] = None
-    upstream: Tuple[str, ...] = dataclasses.field(default=(), compare=False, repr=False)
+    upstream: Tuple[str, ...] = dataclasses.field(default=(), repr=False)
     where: str = dataclasses.field(default="", compare=False, repr=False)
     sources: Tuple["Source", ...] = dataclasses.field(init=False, compare=False, repr=False)
 

@@ -1,10 +1,9 @@
 """The plans that are made before they are needed."""
-from typing import Callable, Dict, FrozenSet, Iterable, List, Optional, Set, Tuple, Union
+from typing import Callable, Collection, Dict, FrozenSet, List, Optional, Set, Tuple, Union
 
 import networkx as nx
 
-from shsa_core.codegen.prediction import Predictor
-from shsa_core.codegen.plans import Plan, plan_service
+from shsa_core.codegen.plans import Plan
 from shsa_core.errors import ShsaError
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service
@@ -17,20 +16,18 @@ class PlanTable:
     `change` says which services there are and drops the answers that this may change; `step` makes
     one of those anew, and is called while nothing else is to do. A plan that is in the table is the
     one that a search would give now; an error tells that there is none, though more may be missing
-    by now. `sources` has what may be used; `predictor` gives who predicts errors of a service.
+    by now. `sources` has what may be used; `make` searches a plan without some nodes.
     """
 
     def __init__(
         self,
         ontology: Ontology,
-        needed: Iterable[Service],
-        method: str,
-        predictor: Callable[[str], Optional[Predictor]] = lambda service: None,
+        needed: Collection[Service],
+        make: Callable[[Service, FrozenSet[str]], Plan],
     ) -> None:
         self.sources = SourceTable(ontology.network)
         self._ontology = ontology
-        self._method = method
-        self._predictor = predictor
+        self._make = make
         self._needed: Dict[str, Service] = {}
         self._stale: Dict[str, None] = {}
         self._publishers: Dict[str, str] = {}  # the node that published a service last
@@ -48,10 +45,11 @@ class PlanTable:
         return bool(self._stale)
 
     def serve(self, service: Service) -> None:
-        """Make plans for a needed service, which may have been another before."""
+        """Make plans for a service if it is needed; it may have been another before."""
         self.forget(service.name)
-        self._needed[service.name] = service
-        self._stale[service.name] = None
+        if service.needed:
+            self._needed[service.name] = service
+            self._stale[service.name] = None
 
     def forget(self, name: str) -> None:
         """Make no more plans for a service."""
@@ -59,9 +57,8 @@ class PlanTable:
         self._stale.pop(name, None)
         self._needed.pop(name, None)
 
-    def change(self, gone: Iterable[Service], come: Iterable[Service]) -> None:
+    def change(self, gone: Collection[Service], come: Collection[Service]) -> None:
         """Note that some services are available no more, and some are now."""
-        gone, come = tuple(gone), tuple(come)
         for source in (each for service in gone for each in service.readable):
             self.sources.discard(source)
         for source in (each for service in come for each in service.readable):
@@ -81,10 +78,9 @@ class PlanTable:
         if name is None:
             return None
         del self._stale[name]
-        avoided, service = self.to_avoid(name), self._needed[name]
+        avoided = self.to_avoid(name)
         try:
-            question = self._ontology, service, self.sources, avoided, self._method
-            plan = plan_service(*question, predictor=self._predictor(name))
+            plan = self._make(self._needed[name], avoided)
             self._answers[name] = plan
             for source in plan.inputs:
                 self._readers.setdefault(source.service.name, set()).add(name)
@@ -100,7 +96,7 @@ class PlanTable:
         answer = self._answers.get(name)
         return answer if isinstance(answer, Plan) else None
 
-    def hopeless(self, name: str, excluded: Iterable[str]) -> bool:
+    def hopeless(self, name: str, excluded: Collection[str]) -> bool:
         """Tell that a service is known to have no plan without some nodes."""
         known = isinstance(self._answers.get(name), ShsaError)
         return known and self._avoided[name] <= set(excluded)
@@ -109,7 +105,7 @@ class PlanTable:
         """Return the nodes that are to publish a service, or did last."""
         return frozenset({self._needed[name].node, self._publishers.get(name, "")} - {""})
 
-    def _improved(self, come: Iterable[Service]) -> List[str]:
+    def _improved(self, come: Collection[Service]) -> List[str]:
         """Return the services whose answer may be a better plan now."""
         graph, found = self._ontology.graph, set()
         reached: Set[str] = set()  # the properties that are derived from what has come

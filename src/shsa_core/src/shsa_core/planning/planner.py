@@ -48,20 +48,18 @@ class Calibrations:
 
     def add(self, row: CalibrationRow, healing: bool) -> bool:
         """Note what the monitor tells; `healing`: of a service that is healed. True: it counts."""
-        if len(row.calibrations) != len(row.program.outputs):
+        known, counts = self.of(row.service, row.program), row.calibrations
+        if len(counts) != len(row.program.outputs):
             return False
-        if _samples(row.calibrations) < min(ENOUGH, _samples(self.of(row.service, row.program))):
+        if _samples(counts) < min(ENOUGH, _samples(known)):
             return False
         self._measure(row, 0 if healing else ENOUGH)
-        if not healing:
-            self._known.setdefault(row.service, {})[row.program] = row.calibrations
-            return True
-        self._later.setdefault(row.service, {})[row.program] = row.calibrations
-        known = self.of(row.service, row.program)
-        errors = (each.error for each in row.calibrations)
-        frozen = tuple(replace(each, error=error) for each, error in zip(known, errors))
-        self._known.setdefault(row.service, {})[row.program] = frozen
-        return frozen != known
+        if healing:
+            self._later.setdefault(row.service, {})[row.program] = counts
+            pairs = zip(known, counts)
+            counts = tuple(replace(one, error=told.error) for one, told in pairs)
+        self._known.setdefault(row.service, {})[row.program] = counts
+        return not healing or counts != known
 
     def _measure(self, row: CalibrationRow, enough: int) -> None:
         """Note what is measured, where it changes much: plans are not to change all the time."""
@@ -144,8 +142,7 @@ class Planner:
     def load(self, ontology: Ontology, som: Som) -> None:
         """Plan by these models from now on."""
         self.ontology, self.som, self._predicts_for = ontology, som, None
-        method = self._method
-        self.plans = PlanTable(ontology, som.needed(), method, self.predictor_of)
+        self.plans = PlanTable(ontology, som.needed(), self.explain)
         self.plans.change((), self._available.values())
 
     @property

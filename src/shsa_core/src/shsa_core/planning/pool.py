@@ -6,20 +6,17 @@ from typing import Callable, Container, Counter, Dict, List, Optional, Set
 from shsa_core.model.substitution import CHANGEOVER_S
 from shsa_core.planning.placement import Computers
 from shsa_core.planning.settings import AT_ONCE, LONGEST_START_S, START_S
+from shsa_core.table import Keyed
 
 
 @dataclass(frozen=True)
-class IdleProcess:
+class IdleProcess(Keyed):
     """An idle process of the pool, when it was started, and on which computer."""
 
+    KEY = "idle {0.node}"
     node: str
     started: float
     host: str = ""
-
-    @property
-    def key(self) -> str:
-        """Return the key of its record."""
-        return f"idle {self.node}"
 
 
 class Pool:

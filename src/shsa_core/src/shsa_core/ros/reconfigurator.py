@@ -27,7 +27,6 @@ from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.settings import Settings
 from shsa_core.hosts.conversation import HostCommand
 from shsa_core.journal.record_file import RecordFile
-from shsa_core.model.log import Level
 from shsa_core.model.names import file_name
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -67,7 +66,7 @@ class ReconfiguratorNode:
         self._files = arguments
         self._added = 0.0  # when `shsa add` wrote what was read
         self._reloading = threading.Lock()
-        self._said: List[check.Problem] = []
+        self._said: List[events.Log] = []
         signing = Signing(arguments.secret)
         ontology, som = read_models(arguments.ontology, arguments.som)
         parameters = read_parameters(Settings)
@@ -231,22 +230,20 @@ class ReconfiguratorNode:
         marked, problems = check.mark_unusable(som)
         for problem in problems:
             if problem not in self._said:
-                LOG[Level.ERROR if problem.needed else Level.WARN]("%s.", problem.text)
+                LOG[problem.level]("%s.", problem.text)
         self._said = problems
         return marked
 
     def _next(self) -> Callable[[], object]:
         """Return the next thing to do: an event, else a plan ahead, else to let time pass."""
+        ahead, wait = self._core.plans_ahead, 0.0
+        if self._queue.empty() and not ahead:
+            wait = min(settings.TURN_S, max(0.0, self._core.deadline - clock.now()))
         try:
-            return self._queue.get_nowait()
+            return self._queue.get(timeout=wait)
         except queue.Empty:
-            if self._core.plans_ahead:
-                return lambda: self._handle(events.Idle(clock.now()))
-        wait = max(0.0, self._core.deadline - clock.now())
-        try:
-            return self._queue.get(timeout=min(settings.TURN_S, wait))
-        except queue.Empty:
-            return lambda: self._handle(events.Tick(clock.now()))
+            kind = events.Idle if ahead else events.Tick
+            return lambda: self._handle(kind(clock.now()))
 
     def _put(self, event: Event) -> None:
         self._queue.put(lambda: self._handle(event))
@@ -394,12 +391,12 @@ def read_models(ontology: str, som: str) -> Tuple[Ontology, Som]:
     """
     read_ontology, errors = load_ontology(ontology)
     read_som, som_errors = load_som(som, rospy.get_namespace())
-    errors = [*errors, *som_errors]
+    models, errors = (read_ontology, read_som), [*errors, *som_errors]
+    errors = errors or [*check.function_errors(read_ontology), *check.name_errors(*models)]
     if errors:
         raise ModelErrors(errors)
-    check.refuse_invalid(read_ontology, read_som)
     refuse_others_commands(read_som, som)
-    return read_ontology, read_som
+    return models
 
 
 def main() -> None:

@@ -3,12 +3,12 @@ import time
 from concurrent.futures import Future, TimeoutError as Late
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Callable
+from typing import Any, Callable, Tuple
 
 import actionlib
 import rospy
 from shsa_msgs import msg, srv
-from std_srvs.srv import SetBool, SetBoolRequest, SetBoolResponse
+from std_srvs.srv import SetBool, SetBoolRequest
 
 from shsa_core.errors import ShsaError
 from shsa_core.healing import events
@@ -44,9 +44,9 @@ class Services:
     def __post_init__(self) -> None:
         for name, kind, answer in (
             (names.FIND_SUBSTITUTE, srv.FindSubstitute, self._find_substitute),
-            (names.RELEASE, srv.Release, self._release),
-            (names.RELOAD, srv.Reload, lambda _: self._acted(srv.ReloadResponse, self._reload)),
-            (names.MAINTENANCE, SetBool, self._set_maintenance),
+            (names.RELEASE, srv.Release, self._acting(self._release)),
+            (names.RELOAD, srv.Reload, self._acting(lambda _: self._reload())),
+            (names.MAINTENANCE, SetBool, self._acting(self._set_maintenance)),
         ):
             bound_messages(rospy.Service(name, kind, answer), settings.LARGEST_CALL_B)
         goal = msg.SubstituteActionGoal
@@ -99,29 +99,27 @@ class Services:
             missing = list(none.missing)
             return srv.FindSubstituteResponse(found=False, missing=missing, detail=str(none))
 
-    def _acted(self, response: Any, act: Callable[[], str]) -> Any:
-        """Return the response to a call that changes something: what was done, or why not."""
-        if not self._operator:
-            return response(False, NO_OPERATOR)
-        try:
-            return response(True, act())
-        except ShsaError as error:
-            return response(False, str(error))
+    def _acting(self, act: Callable[[Any], str]) -> Callable[[Any], Tuple[bool, str]]:
+        """Return what answers calls that change something: what was done, or why not."""
 
-    def _release(self, request: srv.ReleaseRequest) -> srv.ReleaseResponse:
-        def release() -> str:
-            service = self._needed(request.topic)
-            self._put(events.Released(clock.now(), service.name))
-            return f"whatever publishes {service.topic} may return"
+        def answer(request: Any) -> Tuple[bool, str]:
+            try:
+                if not self._operator:
+                    raise ShsaError(NO_OPERATOR)
+                return True, act(request)
+            except ShsaError as error:
+                return False, str(error)
 
-        return self._acted(srv.ReleaseResponse, release)
+        return answer
 
-    def _set_maintenance(self, request: SetBoolRequest) -> SetBoolResponse:
-        def maintain() -> str:
-            self._ask(lambda: self._maintain(request.data))
-            return f"maintenance is {'on' if request.data else 'off'}"
+    def _release(self, request: srv.ReleaseRequest) -> str:
+        service = self._needed(request.topic)
+        self._put(events.Released(clock.now(), service.name))
+        return f"whatever publishes {service.topic} may return"
 
-        return self._acted(SetBoolResponse, maintain)
+    def _set_maintenance(self, request: SetBoolRequest) -> str:
+        self._ask(lambda: self._maintain(request.data))
+        return f"maintenance is {'on' if request.data else 'off'}"
 
     def _substitute(self, goal: msg.SubstituteGoal) -> None:
         try:

@@ -73,7 +73,7 @@ class _Analysis:
             sensors.best,
             relations.best,
             tuple(kind for kind, found in kinds.items() if found.exact),
-            tuple(late.what for late in check_budgets(self._som)),
+            tuple(what for _, what in check_budgets(self._som)),
             tuple(finding.what for finding in check_placements(self._ontology, self._som)),
         )
 
