@@ -119,7 +119,6 @@ class Subscriptions:
         )
         self.topics: Dict[str, HandedOver] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
-        self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._large: Set[int] = set()  # descriptors that are ready late: less may come
 
     def subscribe(self, topic: str) -> None:
@@ -208,8 +207,8 @@ class Subscriptions:
         if [each.publisher for each in alike].count(publisher) == 1:
             yield Connected(self._time, topic, publisher, connection.at)
         self._reconnection.connected(topic, publisher, connection.uri)
-        if connection in self._newest:
-            data = self._newest.pop(connection)
+        data, connection.newest = connection.newest, None
+        if data is not None:
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
 
     def _disown(self, by: Connection) -> Iterator[Happening]:
@@ -242,7 +241,7 @@ class Subscriptions:
                     time, first = max(since, time), min(first, time)
                     yield Arrived(time, connection, data, whole, ros_time, time - first)
                 else:
-                    self._newest[connection] = data
+                    connection.newest = data
             if not stands:
                 connection.transport.close()
                 yield from self._lose(connection)
@@ -268,12 +267,11 @@ class Subscriptions:
         if not connection.is_known:
             yield from self._gone(self._reconnection.lost(*lost))
         elif publisher not in self.publishers(topic):
-            gone = self._reconnection.lost(*lost, publisher, connection.host)
+            gone = self._reconnection.lost(*lost, publisher, connection.at)
             yield from self._gone(gone) if gone else [Interrupted(self._time, topic, publisher)]
 
     def _forget(self, connection: Connection) -> None:
         del self._standing[connection.descriptor]
-        self._newest.pop(connection, None)
         self._caller_ids.drop(connection)
 
     def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:
