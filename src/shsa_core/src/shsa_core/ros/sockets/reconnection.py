@@ -105,7 +105,7 @@ class Reconnection:
             return []
         doubt.waits, doubt.gone = False, gone
         doubt.tries = doubt.tries if willing else settings.TRIES
-        found, connects = self._settle(doubt), doubt.implementation.connects(doubt.uri)
+        found, connects = self._settle(doubt), doubt.implementation.has_connection(doubt.uri)
         if found or connects or willing is not False or doubt.left or not doubt.publisher:
             return found
         doubt.left, doubt.until = True, _now() + settings.TURN_S
@@ -138,7 +138,7 @@ class Reconnection:
         return self._doubts.pop((doubt.topic, doubt.uri))
 
     def _settle(self, doubt: Doubt) -> List[Doubt]:
-        if doubt.waits or doubt.implementation.connects(doubt.uri):
+        if doubt.waits or doubt.implementation.has_connection(doubt.uri):
             return []
         doubt.gone = doubt.gone or (not doubt.pauses and self.is_gone(doubt.at))
         if doubt.gone:
