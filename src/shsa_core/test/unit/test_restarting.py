@@ -126,8 +126,8 @@ def test_a_fork_is_looked_at_again_though_the_wall_clock_was_set(
 SIBLINGS = """
 import os, subprocess, sys, time
 def start(namespace, folder):
-    variables = {**os.environ, "ROS_NAMESPACE": namespace}
-    print(subprocess.Popen(["sleep", "600"], env=variables, cwd=folder).pid, flush=True)
+    own = {"ROS_NAMESPACE": namespace, "INVOCATION_ID": os.urandom(16).hex()}  # as of systemd
+    print(subprocess.Popen(["sleep", "600"], env={**os.environ, **own}, cwd=folder).pid, flush=True)
 for line in sys.stdin:
     start(*line.split())
 """

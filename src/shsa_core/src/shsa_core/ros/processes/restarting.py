@@ -20,6 +20,8 @@ from shsa_core.ros.workers import guarded, repeating
 TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
+OF_A_START = {MARK, "INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID"}
+"""Environment variables that differ at each start: ours, and those of systemd."""
 
 
 def _children(pid: int) -> Iterator[int]:
@@ -111,8 +113,8 @@ class Restarts:
         known, others = identity(process.pid), list(self._starts.items())
         if known[1] <= start.process[1] or known in [s.process for n, s in others if n != node]:
             return False
-        there = {**process.environ(), MARK: ""}
-        return there == {**start.environment, MARK: ""} and is_ours(process)
+        lasting = lambda variables: {k: v for k, v in variables.items() if k not in OF_A_START}
+        return lasting(process.environ()) == lasting(start.environment) and is_ours(process)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has started again; return the nodes."""
