@@ -88,13 +88,8 @@ class Boot:
 
     def measured(self, met: Met) -> None:
         """Learn from an answer, unless a faster one of late tells more."""
-        old = self.met
-        if (
-            old is None
-            or self.is_doubted
-            or met.round_trip <= old.round_trip
-            or old.answered < met.asked - OLD_NS
-        ):
+        old = None if self.is_doubted else self.met
+        if not (old and met.round_trip > old.round_trip and old.answered >= met.asked - OLD_NS):
             self.met = met
         self.is_doubted = False
 

@@ -178,12 +178,11 @@ class TableSubscriber:
 
     def _subscribe(self) -> None:
         self._subscribed = time.monotonic()
+        how = self._topic, self._class, self._received
         if self._signing is None:
-            self._subscriber = subscribe(self._topic, self._class, self._received, LARGEST_B)
+            self._subscriber = subscribe(*how, LARGEST_B)
         else:
-            self._subscriber = self._signing.subscribe(
-                self._topic, self._class, self._received, self._lost
-            )
+            self._subscriber = self._signing.subscribe(*how, self._lost)
 
     def _received(self, message: Any) -> None:
         with self._lock:

@@ -151,7 +151,7 @@ class Reconnection:
     def is_gone(self, at: str) -> bool:
         """Return whether a node refuses calls; one look does for all topics that it closes."""
         begin = _now() - settings.TURN_S
-        self._listened = {each: at for each, at in self._listened.items() if at > begin}
+        self._listened = {each: looked for each, looked in self._listened.items() if looked > begin}
         if at in self._listened:
             return False
         gone = refuses(at)

@@ -48,14 +48,14 @@ class Inbox:
             self._woken = True
             os.write(self._writer, b"!")
 
-    def watch(self, descriptor: int, wakes: bool = True) -> None:
-        """Wait for this descriptor as well, or for its end alone, until it is closed."""
+    def watch(self, descriptor: int) -> None:
+        """Wait for this descriptor as well, until it is closed."""
         self._readable.register(descriptor, READABLE)
-        self._waking.register(descriptor, READABLE if wakes else select.EPOLLRDHUP)
+        self._waking.register(descriptor, READABLE)
         self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
     def watch_otherwise(self, descriptor: int, wakes: bool) -> None:
-        """Have a watched descriptor wake from now on, or not."""
+        """Have a watched descriptor wake from now on, or not until its end."""
         self._waking.modify(descriptor, READABLE if wakes else select.EPOLLRDHUP)
 
     def wait(self, timeout: float) -> None:
@@ -193,11 +193,9 @@ class Subscriptions:
         if connection.descriptor in self._standing:
             yield from self._lose(self._standing[connection.descriptor])
         self._standing[connection.descriptor] = connection
-        connection.wakes = self._wakes(topic)
-        try:
-            self.inbox.watch(connection.descriptor, connection.wakes)
-        except OSError:
-            connection.wakes = True  # it has just been closed, which we are told next
+        with suppress(OSError):  # it has just been closed, which we are told next
+            self.inbox.watch(connection.descriptor)
+            self._have_wake(connection, self._wakes(topic))
         self._caller_ids.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
@@ -254,11 +252,9 @@ class Subscriptions:
 
     def _have_wake(self, connection: Connection, wakes: bool) -> None:
         if connection.wakes is not wakes:
-            try:
+            with suppress(OSError):  # it has just been closed, which we are told next
                 self.inbox.watch_otherwise(connection.descriptor, wakes)
-            except OSError:
-                return  # it has just been closed, which we are told next
-            connection.wakes = wakes
+                connection.wakes = wakes
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
         self._forget(connection)

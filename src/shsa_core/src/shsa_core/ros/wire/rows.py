@@ -95,11 +95,7 @@ def _reader(name: str, slot: str, hint: Any, default: Any) -> Read:
         return lambda stamp, ahead: None if ahead is None else clock.to_moment(stamp, ahead)
     if isinstance(of, type) and issubclass(of, Word):
         # No text stands for what a record is made with.
-        return (
-            lambda text, _: default
-            if not text and default is not MISSING
-            else word_of(name, of, text)
-        )
+        return lambda text, _: word_of(name, of, text) if text or default is MISSING else default
     if hint is bytes:
         return lambda data, _: bytes(data)
     if hint == Optional[float]:
