@@ -45,10 +45,11 @@ def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
     return concerning
 
 
-def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
-    """Return a message of a record's fields, and `others`; None becomes 0, or no text."""
+def filled(kind: Type[genpy.Message], /, *records: Any, **others: Any) -> Any:
+    """Return a message of `others`, else of the last record with a field; None: 0, or no text."""
     types = dict(zip(kind.__slots__, kind._slot_types))
-    same = {name: value for name, value in vars(record).items() if name in types.keys() - others}
+    known = {name: value for each in records for name, value in vars(each).items()}
+    same = {name: value for name, value in known.items() if name in types.keys() - others}
     ahead = clock.offset() if any(types[name] == "time" for name in same) else 0.0
     told = {name: _written(value, types[name], ahead) for name, value in same.items()}
     return kind(**told, **others)
