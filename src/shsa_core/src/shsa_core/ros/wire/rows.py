@@ -114,18 +114,16 @@ def word_of(name: str, kind: Type[Word], text: str) -> Word:
 
 def substitution_message(row: Substitution) -> msg.Substitution:
     """Return a row as a message."""
-    ends = {"inputs": row.inputs, "outputs": row.outputs}
-    told = {name: [signal_message(each) for each in signals] for name, signals in ends.items()}
-    return filled(msg.Substitution, row, **told)
+    inputs, outputs = (list(map(signal_message, end)) for end in (row.inputs, row.outputs))
+    return filled(msg.Substitution, row, inputs=inputs, outputs=outputs)
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
-    ends = {"inputs": message.inputs, "outputs": message.outputs}
-    told = {name: tuple(map(signal_of, signals)) for name, signals in ends.items()}
-    return read(Substitution, message, **told)
+    inputs, outputs = (tuple(map(signal_of, end)) for end in (message.inputs, message.outputs))
+    return read(Substitution, message, inputs=inputs, outputs=outputs)
 
 
 def signal_message(signal: Signal) -> msg.Signal:
