@@ -73,8 +73,6 @@ class TablePublisher(rospy.SubscribeListener):
         rows = {self._key(row): row for row in changed}
         with self._lock:
             gone = [key for key in removed if key in self._rows and key not in rows]
-            if not rows and not gone:
-                return
             channels = self._channels.values()
             missed = [self._concerned(channel, gone) for channel in channels]
             self._rows.update(rows)
@@ -112,10 +110,9 @@ class TablePublisher(rospy.SubscribeListener):
         name = connection.endpoint_id  # as its subscriber calls itself
         concerns = self._concerning(name)
         if concerns is None:
-            name = EVERYBODY
-        elif name not in self._channels:
-            self._channels[name] = _Channel(name, concerns)
-        channel = self._channels[name]
+            channel = self._channels[EVERYBODY]
+        else:
+            channel = self._channels.setdefault(name, _Channel(name, concerns))
         channel.connections.append(connection)
         rows = [self._rows[key] for key in self._concerned(channel, self._rows)]
         self._send(channel, [connection], rows)
