@@ -5,7 +5,6 @@ our master and runs in that very boot. The round trip of that proof bounds how f
 be from ours; no clock needs to be right.
 """
 import threading
-from collections import OrderedDict
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ShsaError
@@ -105,7 +104,7 @@ class Boots:
         self._ask, self._clock = ask, clock
         self.own = Boot(own)
         self._known: Dict[bytes, Boot] = {own: self.own}
-        self._failed: "OrderedDict[Tuple[bytes, str], Tuple[int, str]]" = OrderedDict()
+        self._failed: Dict[Tuple[bytes, str], Tuple[int, str]] = {}  # the oldest first
         self._forgotten = 0
         self._lock = threading.Lock()
 
@@ -133,7 +132,7 @@ class Boots:
             if why:
                 self._failed[key] = self._clock() + PAUSE_NS, why
             if len(self._failed) > MOST_FAILED:
-                self._failed.popitem(last=False)
+                del self._failed[next(iter(self._failed))]
         return why
 
     def ours(self, boot: bytes, sent: int, sender: str) -> int:

@@ -211,11 +211,8 @@ class Subscriptions:
 
     def _disown(self, by: Connection) -> Iterator[Happening]:
         """Ask again about connections to where a node is no more: another has its name."""
-        former = [
-            each
-            for each in self._standing.values()
-            if each.is_known and each.publisher == by.publisher and each.uri != by.uri
-        ]
+        alike = [each for each in self._standing.values() if each.publisher == by.publisher]
+        former = [each for each in alike if each.is_known and each.uri != by.uri]
         for each in former:
             self._caller_ids.claim(each)
         for topic in {each.topic for each in former} - {by.topic}:
