@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, Optional, Sequence
 from typing import Set, Tuple
 
-import rosgraph
 import rospy
 
 from shsa_core.analysis import registrations
@@ -19,7 +18,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.names import Names
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
-from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
+from shsa_core.ros.master.node_api import FAILURES, master_api, topics
 
 ONE_CALL = 500
 """Questions that are put together; with more the master would keep others waiting."""
@@ -61,7 +60,7 @@ def many(calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
     for start in range(0, len(calls), ONE_CALL):
         some = calls[start : start + ONE_CALL]
         asked = [{"methodName": method, "params": list(given)} for method, given in some]
-        answers: Any = node_api(rosgraph.get_master_uri(), *MASTER).system.multicall(asked)
+        answers: Any = master_api().handle.system.multicall(asked)
         if not isinstance(answers, list) or len(answers) != len(some):
             raise ShsaError("the master's answer is none")
         values += map(_value, answers)
