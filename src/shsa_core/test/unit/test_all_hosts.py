@@ -9,9 +9,7 @@ from unittest.mock import Mock
 import pytest
 import rospy
 
-from shsa_core.errors import ShsaError
 from shsa_core.healing import events
-from shsa_core.hosts.conversation import AgentEnd
 from shsa_core.ros import settings
 from shsa_core.ros.agent import agent
 from shsa_core.ros.agent.all_hosts import AllHosts
@@ -124,32 +122,34 @@ def test_an_agent_goes_on_where_it_has_no_descriptor(monkeypatch: pytest.MonkeyP
     said: List[str] = []
     load = Mock(look=Mock(side_effect=OSError(errno.EMFILE, "too many open files")))
     node = agent.AgentNode.__new__(agent.AgentNode)
-    parts = {"_name": "pi", "_load": load, "_say": said.append, "_forgotten": threading.Event()}
+    parts = {"_name": "pi", "_load": load, "_say": said.append}
     vars(node).update(parts, _lock=threading.Lock(), _followed=lambda: True)
     node.spin()
     assert len(said) == 2
 
 
-def test_an_agent_goes_on_to_look_if_the_master_knows_it_after_an_error(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("heard", [False, True])
+def test_an_agent_that_nobody_commands_registers_with_each_new_master(
+    monkeypatch: pytest.MonkeyPatch, heard: bool
 ) -> None:
-    failures = [OSError(errno.EMFILE, "too many open files")]
+    """Whatever has failed the last time, as where it had no descriptor left."""
+    failures = [OSError(errno.EMFILE, "too many open files"), RuntimeError("no thread")]
+    registered: List[bool] = []
 
-    def started_by_launch(_: int) -> bool:
+    def register_again() -> None:
         if failures:
             raise failures.pop()
-        return True
+        registered.append(True)
 
-    monkeypatch.setattr(agent.kernel, "started_by_launch", started_by_launch)
-    forgetful = SimpleNamespace(getSystemState=lambda: [[], [], []])
-    monkeypatch.setattr(agent, "master_api", lambda: forgetful)
-    monkeypatch.setattr(settings, "LOOK_S", 0.2)
+    monkeypatch.setattr(agent, "register_again", register_again)
+    monkeypatch.setattr(settings, "LOOK_S", 0.02)
     monkeypatch.setattr(rospy.rostime, "_rostime_initialized", True)
-    end = time.monotonic() + 10.0
-    monkeypatch.setattr(rospy, "is_shutdown", lambda: time.monotonic() > end)
+    end = time.monotonic() + (0.5 if heard else 10.0)
+    monkeypatch.setattr(rospy, "is_shutdown", lambda: bool(registered) or time.monotonic() > end)
     node = agent.AgentNode.__new__(agent.AgentNode)
-    parts = {"_name": "pi", "_topic": "agent", "_load": Mock(), "_say": Mock(), "_host": Mock()}
-    vars(node).update(parts, _end=AgentEnd(1.0), _lock=threading.Lock(), _followed=lambda: True)
-    node._forgotten = threading.Event()
-    with pytest.raises(ShsaError, match="the master was started anew"):
-        node.spin()
+    parts = {"_name": "pi", "_load": Mock(), "_say": Mock(), "_host": Mock()}
+    conversation = Mock(is_open=lambda now: heard)
+    vars(node).update(parts, _end=conversation, _lock=threading.Lock(), _followed=lambda: True)
+    node.spin()
+    conversation.is_open = lambda now: True  # its thread goes on
+    assert bool(registered) is not heard

@@ -7,6 +7,7 @@ import threading
 from functools import partial
 from types import SimpleNamespace
 from typing import Any, Callable, Dict, List
+from unittest.mock import patch
 
 import pytest
 import rosgraph
@@ -15,7 +16,7 @@ from hypothesis import given, strategies as st
 from shsa_core.errors import ShsaError
 from shsa_core.ros.master.node_api import Answer, BadAnswer
 from shsa_core.ros.trust import signing
-from shsa_core.ros.trust.signing import NONCE_B, Challenger
+from shsa_core.ros.trust.signing import NONCE_B, challenge
 from shsa_core.trust import proof
 from shsa_core.trust.boots import (
     Boot,
@@ -37,13 +38,27 @@ from shsa_core.trust.seal import (
     TWICE,
     UNPROVEN,
     Verifier,
-    Seal,
+    seal,
 )
 
 SECRET = bytes(range(32))
 S, MS = 10**9, 10**6
 MASTER = Place("", frozenset({"10.0.0.1"}), 11311)
 ASLEEP = 3600 * S
+
+
+def proved(
+    node: str,
+    call: Callable[..., Answer],
+    master: Place = MASTER,
+    find: Callable[[str], str] = lambda node: "http://x:1/",
+    **others: Any,
+) -> Met:
+    """Return what a node proves that is found and called so."""
+    api = SimpleNamespace(lookupNode=find)
+    there: Dict[str, Any] = {"master_api": lambda: api, "ask_timed": call, **others}
+    with patch.multiple(signing, master_seen=lambda: master, **there):
+        return challenge(SECRET, node)
 
 
 class World:
@@ -81,7 +96,7 @@ class Robot:
         """A signed message, sent now."""
         self.world.now += 1000
         signed = text + self.boot + self.clock().to_bytes(8, "little")
-        return signed + Seal(self.secret, self.boot, "/topic").signature(signed)
+        return signed + seal(self.secret, self.boot, "/topic", signed)
 
 
 class Reader(Robot):
@@ -90,15 +105,18 @@ class Reader(Robot):
     def __init__(self, world: World, ahead: int = 5 * S) -> None:
         super().__init__(world, "reader", ahead)
         self.has_master = True
-        wall = lambda at: at - self.clock() + self.wall()
-        ask = Challenger(SECRET, self.find, self.call, lambda: self.master, wall).ask
-        self.boots = Boots(self.boot, ask, self.clock)
+        self.boots = Boots(self.boot, self.ask, self.clock)
         self.begin()
 
     def begin(self) -> None:
         """Begin to listen: nobody can be connected before a call has gone there and back."""
         self.verifier = Verifier(SECRET, "/topic", self.boots.find, self.clock)
         self.world.now += 10 * MS
+
+    def ask(self, node: str) -> Met:
+        """Ask for a proof by the clocks, the master and the link of this world."""
+        clocks = SimpleNamespace(time_ns=self.wall, monotonic_ns=self.clock)
+        return proved(node, self.call, self.master, find=self.find, time=clocks)
 
     def find(self, node: str) -> str:
         if not self.has_master or node not in self.world.nodes:
@@ -318,7 +336,7 @@ def test_nonsense_proves_nothing(world: World, answer: Any) -> None:
 @given(st.recursive(st.none() | st.integers() | st.text(), st.lists, max_leaves=8))
 def test_whatever_is_answered_is_no_proof(answer: Any) -> None:
     with pytest.raises(ShsaError):
-        Challenger(SECRET, lambda node: "http://x:1/", lambda *_: Answer(answer, 0, 0)).ask("/x")
+        proved("/x", lambda *_: Answer(answer, 0, 0))
     with pytest.raises(ShsaError):
         proof.read(SECRET, "", answer)
 
@@ -434,7 +452,7 @@ def test_a_process_proves_the_secret_that_it_holds(monkeypatch: pytest.MonkeyPat
     signing.serve(SECRET, b"b" * 16)
     prove = partial(getattr(signing.ROSHandler, signing.METHOD), None)
     call = lambda uri, method, nonce: Answer(prove("/me", nonce)[2], 0, 0)
-    met = Challenger(SECRET, lambda node: "http://x:1/", call, lambda: MASTER).ask("/sender")
+    met = proved("/sender", call)
     assert met.boot == b"b" * 16
     for wrong in ("", "x" * 32, "a" * 31, 7, None):
         assert prove("/me", wrong)[0] == -1

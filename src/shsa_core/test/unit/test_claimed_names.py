@@ -62,7 +62,8 @@ def test_who_registers_later_is_heard_from_then_on_with_its_newest_message(
     monitor.hear_of(late)
     monitor.until(lambda: bool(late.connections))
     late.send(framed(b"old") + framed(b"new"))
-    monitor.until(lambda: b"new" in monitor.connections._newest.values())
+    standing = monitor.connections._standing
+    monitor.until(lambda: b"new" in [each.newest for each in standing.values()])
     LISTED["/late"] = late.uri
     monitor.until(lambda: monitor.data == [b"new"])
     assert monitor.kinds() == ["Connected"]

@@ -96,7 +96,8 @@ def test_who_rests_is_woken_by_a_connection_that_is_lost_alone() -> None:
 def test_a_descriptor_that_does_not_wake_is_among_the_ready_ones_and_wakes_at_its_end() -> None:
     inbox = Inbox()
     here, there = socket.socketpair()
-    inbox.watch(here.fileno(), wakes=False)
+    inbox.watch(here.fileno())
+    inbox.watch_otherwise(here.fileno(), False)
     there.send(b"?")
     assert waited(inbox, 0.02) >= 0.02
     assert inbox.ready() == {here.fileno()}

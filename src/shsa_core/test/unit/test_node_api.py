@@ -10,7 +10,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.node_api import FAILURES, BadAnswer, Originals, address, ask, master_api
 from shsa_core.ros.master.node_api import pid, topics
-from shsa_core.ros.master.master_watch import MasterCalls
+from shsa_core.ros.master.master_watch import parameters
 from strange_nodes import NONSENSE, Send, StrangeNode, bomb, drip, endless, nothing, value, zipped
 
 NODES: List[StrangeNode] = []
@@ -66,7 +66,7 @@ def test_the_master_may_tell_of_a_large_robot(monkeypatch: pytest.MonkeyPatch) -
     model = "<link/>" * 500_000  # as a robot's description may be
     told = value([[[1, "", {"robot_description": model}]]])
     monkeypatch.setenv("ROS_MASTER_URI", node(told))
-    assert MasterCalls().parameters() == {"robot_description": model}
+    assert parameters() == {"robot_description": model}
 
 
 @pytest.mark.parametrize("rows", ["/odom", [["/odom"]], [["/odom", 4]], [["/a", "b", "c"]], 7, [7]])

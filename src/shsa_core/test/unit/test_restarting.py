@@ -117,7 +117,8 @@ def test_a_fork_is_looked_at_again_though_the_wall_clock_was_set(
     monkeypatch.setattr(time, "time", lambda: now + 3600.0)
     monkeypatch.setattr(settings, "LOOK_S", 600.0)
     agent = restarts()
-    agent._starts[NODE] = _Start(["driver"], "", {}, identity(os.getpid()))
+    agent._starts[NODE] = _Start(["driver"], "", {}, NOBODY)
+    agent._starters[NODE] = identity(os.getpid())
     assert agent._started_again(NODE) is None and started.pid not in agent._others[NODE]
     monkeypatch.setattr(settings, "LOOK_S", 0.0)
     assert agent._started_again(NODE) is None and started.pid in agent._others[NODE]
@@ -126,8 +127,8 @@ def test_a_fork_is_looked_at_again_though_the_wall_clock_was_set(
 SIBLINGS = """
 import os, subprocess, sys, time
 def start(namespace, folder):
-    variables = {**os.environ, "ROS_NAMESPACE": namespace}
-    print(subprocess.Popen(["sleep", "600"], env=variables, cwd=folder).pid, flush=True)
+    own = {"ROS_NAMESPACE": namespace, "INVOCATION_ID": os.urandom(16).hex()}  # as of systemd
+    print(subprocess.Popen(["sleep", "600"], env={**os.environ, **own}, cwd=folder).pid, flush=True)
 for line in sys.stdin:
     start(*line.split())
 """
@@ -197,7 +198,7 @@ def test_the_first_process_has_started_a_node_if_it_is_a_launch(
     assert kernel.started_by_launch(os.getpid()) == is_starter
     agent = restarts()
     agent.learn(NODE, psutil.Process())
-    assert agent._starts[NODE].starter == (identity(1) if is_starter else NOBODY)
+    assert agent._starters[NODE] == (identity(1) if is_starter else NOBODY)
     assert kernel.never_to_end(psutil.Process(1))
 
 

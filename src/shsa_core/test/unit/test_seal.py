@@ -21,7 +21,7 @@ from shsa_core.trust.seal import (
     UNPROVEN,
     WRONG,
     Verifier,
-    Seal,
+    seal,
 )
 
 KEY = bytes(range(32))
@@ -42,7 +42,7 @@ class Bench:
     def message(self, text: bytes = b"text", key: bytes = KEY, topic: str = "/topic") -> bytes:
         self.now += 1000
         signed = text + BOOT + self.now.to_bytes(8, "little")
-        return signed + Seal(key, BOOT, topic).signature(signed)
+        return signed + seal(key, BOOT, topic, signed)
 
 
 def test_what_is_signed_now_is_believed_once() -> None:

@@ -3,6 +3,7 @@ import io
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Callable, List
 
 import pytest
@@ -37,8 +38,9 @@ class Pair:
         monkeypatch.setattr(rospy, "logerr", lambda text, *words: self.errors.append(text % words))
         self.answers, self.asked, self.lost = True, 0, 0
         self.heard: List[Failure] = []
-        challenger = self.ours._challenger
-        challenger.find, challenger.call = lambda node: f"http://pi:1{node}"[:11], self.call
+        find = lambda node: f"http://pi:1{node}"[:11]
+        monkeypatch.setattr(signing, "master_api", lambda: SimpleNamespace(lookupNode=find))
+        monkeypatch.setattr(signing, "ask_timed", self.call)
         checked = self.ours.checked("failures", Failure)
         self.ours.subscribe("failures", checked, self.heard.append, self.lose)
         self.sign = self.theirs.signer("failures", Failure)

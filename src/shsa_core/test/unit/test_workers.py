@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Dict, List, Optional
 
 import psutil
@@ -73,13 +74,39 @@ def test_what_is_registered_is_read_while_another_thread_registers(
 
         def getSystemState(self) -> List[object]:
             read.set()
-            return []
+            return [[], [], []]
 
     monkeypatch.setattr(announce, "master_api", Master)
     with rospy.topics.get_topic_manager().lock:
         threading.Thread(target=announce.register_again, daemon=True).start()
         assert not read.wait(0.2), "a dictionary that changes cannot be read"
     assert read.wait(5.0)
+
+
+def test_who_registers_again_is_told_of_publishers_that_did_so_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The master tells only of those that come later."""
+    told: List[Any] = []
+    manager = SimpleNamespace(
+        lock=threading.Lock(),
+        get_publications=lambda: [("/ours", "x/Y")],
+        get_subscriptions=lambda: [("/lost", "x/Y"), ("/known", "x/Y")],
+    )
+    master = SimpleNamespace(
+        getSystemState=lambda: [[], [["/known", ["/me"]]], []],
+        registerPublisher=lambda *_: ["http://consumer:1/"],
+        registerSubscriber=lambda topic, *_: [f"http://publisher:1{topic}"],
+        registerService=lambda *_: None,
+    )
+    hear = lambda uri: SimpleNamespace(publisherUpdate=lambda *what: told.append((uri, *what)))
+    monkeypatch.setattr(announce, "master_api", lambda: master)
+    monkeypatch.setattr(announce, "node_api", hear)
+    monkeypatch.setattr(rospy, "get_name", lambda: "/me")
+    monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://me:1/")
+    monkeypatch.setattr(rospy.topics, "get_topic_manager", lambda: manager)
+    announce.register_again()
+    assert told == [("http://me:1/", "/master", "/lost", ["http://publisher:1/lost"])]
 
 
 def test_a_call_that_raises_is_said_and_the_next_is_made() -> None:

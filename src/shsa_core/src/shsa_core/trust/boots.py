@@ -5,7 +5,6 @@ our master and runs in that very boot. The round trip of that proof bounds how f
 be from ours; no clock needs to be right.
 """
 import threading
-from collections import OrderedDict
 from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from shsa_core.errors import ShsaError
@@ -88,13 +87,8 @@ class Boot:
 
     def measured(self, met: Met) -> None:
         """Learn from an answer, unless a faster one of late tells more."""
-        old = self.met
-        if (
-            old is None
-            or self.is_doubted
-            or met.round_trip <= old.round_trip
-            or old.answered < met.asked - OLD_NS
-        ):
+        old = None if self.is_doubted else self.met
+        if not (old and met.round_trip > old.round_trip and old.answered >= met.asked - OLD_NS):
             self.met = met
         self.is_doubted = False
 
@@ -110,7 +104,7 @@ class Boots:
         self._ask, self._clock = ask, clock
         self.own = Boot(own)
         self._known: Dict[bytes, Boot] = {own: self.own}
-        self._failed: "OrderedDict[Tuple[bytes, str], Tuple[int, str]]" = OrderedDict()
+        self._failed: Dict[Tuple[bytes, str], Tuple[int, str]] = {}  # the oldest first
         self._forgotten = 0
         self._lock = threading.Lock()
 
@@ -138,7 +132,7 @@ class Boots:
             if why:
                 self._failed[key] = self._clock() + PAUSE_NS, why
             if len(self._failed) > MOST_FAILED:
-                self._failed.popitem(last=False)
+                del self._failed[next(iter(self._failed))]
         return why
 
     def ours(self, boot: bytes, sent: int, sender: str) -> int:

@@ -5,6 +5,7 @@ from typing import FrozenSet, Sequence
 
 from shsa_core.errors import ShsaError
 from shsa_core.journal.codec import Codec
+from shsa_core.trust.seal import signature
 
 LONGEST = 1 << 16  # characters of a proof
 
@@ -65,8 +66,8 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
     pair = answer if isinstance(answer, (list, tuple)) else ()
     if len(pair) != 2 or not all(isinstance(each, str) and len(each) < LONGEST for each in pair):
         raise ShsaError("what it answers is no proof")
-    text, signature = pair
-    if not hmac.compare_digest(signature.encode(), _signature(secret, asked, text).encode()):
+    text, given = pair
+    if not hmac.compare_digest(given.encode(), _signature(secret, asked, text).encode()):
         raise WrongSecret("its secret is another than ours")
     try:
         return _CODEC.from_text(text, "proof", "the proof")
@@ -75,5 +76,4 @@ def read(secret: bytes, asked: str, answer: object) -> Proof:
 
 
 def _signature(secret: bytes, asked: str, text: str) -> str:
-    key = hmac.digest(secret, b"proof", "sha256")
-    return hmac.digest(key, (asked + text).encode(), "sha256").hex()
+    return signature(secret, b"proof", (asked + text).encode()).hex()

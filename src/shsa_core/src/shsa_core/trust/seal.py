@@ -40,23 +40,16 @@ Find = Callable[[bytes], Optional[Boot]]
 """The computer that has proved that a boot is its own."""
 
 
-class Seal:
-    """Signs the messages of one topic that are sent in one boot.
+def signature(secret: bytes, *words: bytes) -> bytes:
+    """Return the signature of the last word, by a key that is made of the secret for the others."""
+    for word in words:
+        secret = hmac.digest(secret, word, "sha256")
+    return secret
 
-    What is signed: boot and topic, by way of the key, and every byte before the signature.
-    """
 
-    def __init__(self, secret: bytes, boot: bytes, topic: str) -> None:
-        key = hmac.digest(secret, b"messages" + boot, "sha256")
-        self._key = hmac.digest(key, topic.encode(), "sha256")
-
-    def signature(self, data: bytes) -> bytes:
-        """Return the signature of what stands before it in a message."""
-        return hmac.digest(self._key, data, "sha256")
-
-    def is_on(self, data: bytes) -> bool:
-        """Return whether a message ends with its right signature."""
-        return hmac.compare_digest(data[-SIGNATURE_B:], self.signature(data[:-SIGNATURE_B]))
+def seal(secret: bytes, boot: bytes, topic: str, data: bytes) -> bytes:
+    """Return the signature after `data`, a message on a topic that is sent in one boot."""
+    return signature(secret, b"messages" + boot, topic.encode(), data)
 
 
 class Verifier:
@@ -79,24 +72,23 @@ class Verifier:
         """
         if data[-TRAILER.size :] == UNSIGNED or len(data) < TRAILER.size:
             return "it is not signed"
-        boot, sent, signature = TRAILER.unpack_from(data, len(data) - TRAILER.size)
+        boot, sent, given = TRAILER.unpack_from(data, len(data) - TRAILER.size)
         computer = self._find(boot)
+        right = seal(self._secret, boot, self._topic, data[:-SIGNATURE_B])
+        if not hmac.compare_digest(given, right):
+            return WRONG if computer is not None and computer.met is None else FOREIGN
         sender = None if computer is None else self._sender(computer)
         if computer is None or sender is None:
-            if not Seal(self._secret, boot, self._topic).is_on(data):
-                return FOREIGN
             if computer is not None:
                 computer.is_doubted = True
             return UNPROVEN
-        if not sender.seal.is_on(data):
-            return WRONG if computer.met is None else FOREIGN
         now = computer.latest(self._clock())
         if sent > now + AHEAD_NS:
             # Another clock may have stood, or ours; our own is right by definition.
             computer.is_doubted = computer.met is not None
             return UNPROVEN if computer.is_doubted else FUTURE
         with self._lock:
-            return sender.refusal(sent, signature, now)
+            return sender.refusal(sent, given, now)
 
     def _sender(self, computer: Boot) -> Optional["_Sender"]:
         """Return its sender; None: its clock was not compared since we began."""
@@ -105,16 +97,14 @@ class Verifier:
             if sender is None and computer.was_compared(self._began):
                 floor = computer.latest(max(self._began, computer.since))
                 why = REPEATED if computer.met is None else EARLY
-                sender = _Sender(Seal(self._secret, computer.boot, self._topic), floor, why)
-                self._senders[computer] = sender
+                sender = self._senders[computer] = _Sender(floor, why)
         return sender
 
 
 class _Sender:
     """The memory that a reader has of one boot's messages."""
 
-    def __init__(self, seal: Seal, floor: int, too_early: str) -> None:
-        self.seal = seal
+    def __init__(self, floor: int, too_early: str) -> None:
         self._floor, self._too_early = floor, too_early
         self._order: List[Tuple[int, bytes]] = []
         self._known: Set[bytes] = set()

@@ -19,9 +19,9 @@ from shsa_core.hosts.conversation import COMMANDS, EVENTS, AgentEnd, HostEvent
 from shsa_core.model.names import Names
 from shsa_core.ros import clock, settings
 from shsa_core.ros.agent.all_hosts import Load
-from shsa_core.ros.master.node_api import FAILURES, master_api
+from shsa_core.ros.master.announce import register_again
+from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.node import publish, run
-from shsa_core.ros.processes import kernel
 from shsa_core.ros.processes.launch import await_turn, hear_successor
 from shsa_core.ros.processes.heartbeats import CUT_OFF, Signs, hearer
 from shsa_core.ros.processes.local import LocalHost
@@ -42,9 +42,7 @@ class AgentNode:
         self._lock = threading.Lock()
         self._end = AgentEnd(settings.LOST_BEATS * settings.TURN_S)
         self._load, self._followed = Load(self._name), followed
-        self._forgotten = threading.Event()
-        self._topic = names.host_events(self._name)
-        self._publisher = SignedPublisher(signing, self._topic, msg.HostEvent)
+        self._publisher = SignedPublisher(signing, names.host_events(self._name), msg.HostEvent)
         prefix = Names(rospy.get_namespace()).prefix
         given = arguments.journal, arguments.sandbox, self._name
         restarts = arguments.restart_as_root or os.geteuid() != 0
@@ -58,18 +56,14 @@ class AgentNode:
         signing.subscribe(topic, signing.checked(topic, msg.HostCommand), self._received)
 
     def spin(self) -> None:
-        """Show that we are there until ROS shuts down; then stop what was started, or hand it over.
-
-        Raises ShsaError if another agent must follow, as the master does not know us.
-        """
+        """Be there until ROS shuts down; then stop what was started, or hand it over."""
         rospy.loginfo("Agent of %s ready.", self._name)
         repeating("master", settings.LOOK_S, self._look_at_master).start()
         while not rospy.is_shutdown():
             guarded("The agent", self._load.look, clock.now())
             with self._lock:
                 guarded("The agent", self._say, "")
-            if self._forgotten.wait(settings.TURN_S):
-                raise ShsaError("the master was started anew, and knows us only if we are, too")
+            rospy.rostime.wallsleep(settings.TURN_S)
         if not self._followed():
             self._host.stop_all()
 
@@ -78,14 +72,12 @@ class AgentNode:
             return b"" if self._end.session == 0 or self._end.is_open(clock.now()) else CUT_OFF
 
     def _look_at_master(self) -> None:
-        """Look if the master knows us: a reconfigurator that follows must find us."""
-        us, topic = rospy.get_name(), rospy.resolve_name(self._topic)
+        """See to it that a new master knows us: a reconfigurator that follows must find us."""
         with self._lock:
             heard = self._end.is_open(clock.now())
         with suppress(*FAILURES):
-            if not (heard or self._forgotten.is_set()) and kernel.started_by_launch(os.getpid()):
-                if us not in dict(master_api().getSystemState()[0]).get(topic, ()):
-                    self._forgotten.set()
+            if not (heard or rospy.is_shutdown()):
+                register_again()
 
     def _received(self, message: msg.HostCommand) -> None:
         with self._lock:

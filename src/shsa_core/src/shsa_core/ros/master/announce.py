@@ -40,7 +40,9 @@ def register_again() -> None:
         known = {topic for topic, nodes in rows if rospy.get_name() in nodes}
         for topic, kind in topics:
             if topic not in known:
-                register(topic, kind, uri)
+                others = register(topic, kind, uri)
+                if register == master.registerSubscriber:  # of later ones the master tells us
+                    node_api(uri).publisherUpdate("/master", topic, others)
     for service, where in rospy.impl.registration.get_service_manager().get_services():
         master.registerService(service, where, uri)
 

@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, Optional, Sequence
 from typing import Set, Tuple
 
-import rosgraph
 import rospy
 
 from shsa_core.analysis import registrations
@@ -19,7 +18,7 @@ from shsa_core.errors import ShsaError
 from shsa_core.model.names import Names
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import Introductions, Publisher, register_again, tell
-from shsa_core.ros.master.node_api import FAILURES, MASTER, node_api, topics
+from shsa_core.ros.master.node_api import FAILURES, master_api, topics
 
 ONE_CALL = 500
 """Questions that are put together; with more the master would keep others waiting."""
@@ -29,46 +28,43 @@ Parts = Mapping[Part, Pairs]
 """All that is registered."""
 
 
-class MasterCalls:
-    """Asks the master many questions in one call.
+def state() -> Tuple[int, Parts]:
+    """Return the process of the master, and everything that is registered. Raises as `many`."""
+    us = (rospy.get_name(),)
+    pid, parts = many([("getPid", us), ("getSystemState", us)])
+    if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
+        raise ShsaError("the master's answer is none")
+    order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
+    return pid, dict(zip(order, map(registrations.read_pairs, parts)))
+
+
+def look_up(method: str, names: Iterable[str]) -> Mapping[str, str]:
+    """Return where nodes or services are, by lookupNode or lookupService. Raises as `many`."""
+    names = sorted(names)
+    found = many([(method, (rospy.get_name(), name)) for name in names])
+    return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
+
+
+def parameters() -> Mapping[str, Any]:
+    """Return the whole parameter server. Raises as `many`."""
+    (tree,) = many([("getParam", (rospy.get_name(), "/"))])
+    return tree if isinstance(tree, dict) else {}
+
+
+def many(calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
+    """Return the values that calls of the master return, put together; None for a refusal.
 
     Raises one of node_api.FAILURES, or ShsaError if its answer is none.
     """
-
-    def __init__(self) -> None:
-        self._master = node_api(rosgraph.get_master_uri(), *MASTER)
-        self._me = rospy.get_name()
-
-    def state(self) -> Tuple[int, Parts]:
-        """Return the process of the master, and everything that is registered."""
-        pid, parts = self.many([("getPid", (self._me,)), ("getSystemState", (self._me,))])
-        if not isinstance(pid, int) or not isinstance(parts, list) or len(parts) != 3:
+    values: List[Any] = []
+    for start in range(0, len(calls), ONE_CALL):
+        some = calls[start : start + ONE_CALL]
+        asked = [{"methodName": method, "params": list(given)} for method, given in some]
+        answers: Any = master_api().handle.system.multicall(asked)
+        if not isinstance(answers, list) or len(answers) != len(some):
             raise ShsaError("the master's answer is none")
-        order = Part.PUBLISHER, Part.SUBSCRIBER, Part.SERVICE
-        return pid, dict(zip(order, map(registrations.read_pairs, parts)))
-
-    def look_up(self, method: str, names: Iterable[str]) -> Mapping[str, str]:
-        """Return where nodes or services are, by lookupNode or lookupService."""
-        names = sorted(names)
-        found = self.many([(method, (self._me, name)) for name in names])
-        return {name: uri for name, uri in zip(names, found) if isinstance(uri, str) and uri}
-
-    def parameters(self) -> Mapping[str, Any]:
-        """Return the whole parameter server."""
-        (tree,) = self.many([("getParam", (self._me, "/"))])
-        return tree if isinstance(tree, dict) else {}
-
-    def many(self, calls: Sequence[Tuple[str, Tuple[Any, ...]]]) -> List[Any]:
-        """Return the values that calls return, None for a refusal."""
-        values: List[Any] = []
-        for start in range(0, len(calls), ONE_CALL):
-            some = calls[start : start + ONE_CALL]
-            asked = [{"methodName": method, "params": list(given)} for method, given in some]
-            answers: Any = self._master.system.multicall(asked)
-            if not isinstance(answers, list) or len(answers) != len(some):
-                raise ShsaError("the master's answer is none")
-            values += map(_value, answers)
-        return values
+        values += map(_value, answers)
+    return values
 
 
 def _value(answer: Any) -> Any:
@@ -97,7 +93,6 @@ class MasterWatch:
         self._names, self._seen, self._keep, self.acts = names, seen, keep, acts
         self.pid, self.known = former
         self._me = rospy.get_name()
-        self._calls = MasterCalls()
         self._nodes = ThreadPoolExecutor(settings.MOST_CALLS, "nodes")
         self._introductions = Introductions(self._me)
         self._topics: Set[str] = set()
@@ -134,10 +129,10 @@ class MasterWatch:
 
     def _look(self, now: float) -> None:
         introductions = self._introductions
-        (pid,) = self._calls.many([("getPid", (self._me,))])
+        (pid,) = many([("getPid", (self._me,))])
         if pid == self.pid and now < min(self._look_at, introductions.deadline):
             return
-        pid, parts = self._calls.state()
+        pid, parts = state()
         registered = {node for pairs in parts.values() for _, node in pairs}
         anew = self.pid and (pid != self.pid or self._me not in registered)
         if anew:
@@ -149,7 +144,7 @@ class MasterWatch:
         waiting: Collection[str] = ()
         if self._former is not None:
             waiting = self._register_again(parts, now)
-            _, parts = self._calls.state()
+            _, parts = state()
         self._introduce(parts, now)
         if self._former is None:  # else a new master does not know them all yet
             self._seen(parts)
@@ -157,7 +152,7 @@ class MasterWatch:
             self.known = registrations.together(self._graph(parts), self.known, waiting)
             self._keep(pid, self.known)
             self.kept_at = now
-            tree = self._calls.parameters()
+            tree = parameters()
             self._parameters = tree if len(repr(tree)) <= LARGEST_PARAMETERS else {}
             pause = max(settings.PATIENCE_S, _took(now))
             self._keep_at = now + min(pause, 2 * settings.ANSWER_S)
@@ -168,7 +163,7 @@ class MasterWatch:
     def _introduce(self, parts: Parts, now: float) -> None:
         both = parts[Part.PUBLISHER], parts[Part.SUBSCRIBER]
         offered, heard = ([pair for pair in part if pair[0] in self._topics] for part in both)
-        uris = self._calls.look_up("lookupNode", {node for _, node in (*offered, *heard)})
+        uris = look_up("lookupNode", {node for _, node in (*offered, *heard)})
         found = frozenset(Publisher(t, n, uris[n]) for t, n in offered if n in uris)
         self._introductions.heed(now, found)
         for new in self._introductions.due(now):
@@ -180,8 +175,8 @@ class MasterWatch:
     def _graph(self, parts: Parts) -> Graph:
         nodes = {node for pairs in parts.values() for _, node in pairs}
         services = {name for name, _ in parts[Part.SERVICE]}
-        uris = self._calls.look_up("lookupNode", nodes)
-        return Graph(parts, uris, self._calls.look_up("lookupService", services))
+        uris = look_up("lookupNode", nodes)
+        return Graph(parts, uris, look_up("lookupService", services))
 
     def _begin_anew(self, now: float) -> None:
         does = "It is told again what the former one knew."
@@ -202,12 +197,12 @@ class MasterWatch:
         settled = self._settled.union(said, gone)
         robot = [node for node in said if not self._names.of_healing(node, False)]
         if self._restores and robot:  # else it may be another one's
-            found = registrations.missing_parameters(self._restores, self._calls.parameters())
-            self._calls.many([("setParam", (self._me, *each)) for each in found])
+            found = registrations.missing_parameters(self._restores, parameters())
+            many([("setParam", (self._me, *each)) for each in found])
             self._restores = {}
         missing = registrations.to_register(self._former, present, said)
         if missing:
-            answers = self._calls.many(
+            answers = many(
                 [(f"register{r.part.title()}", (r.node, r.name, r.what, r.uri)) for r in missing]
             )
             new = zip(missing, answers)

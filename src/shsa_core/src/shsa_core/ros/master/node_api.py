@@ -228,8 +228,7 @@ def _is_int(value: object) -> bool:
 
 
 def _is_row(row: object) -> bool:
-    texts: Tuple[object, ...] = tuple(row) if isinstance(row, list) else ()
-    return len(texts) == 2 and all(isinstance(text, str) for text in texts)
+    return isinstance(row, list) and [type(each) for each in row] == [str, str]
 
 
 COUNTER = 2**32

@@ -123,10 +123,8 @@ class SomWatch:
         if self._reread is None:
             return self._file, []
         what = "the SOM file alone counts, since live_parameters is false"
-        return self._file, [
-            ModelError(f"{self._name}/services/{service.name}", what)
-            for service in _otherwise(value, self._file)
-        ]
+        places = (f"{self._name}/services/{each.name}" for each in _otherwise(value, self._file))
+        return self._file, [ModelError(place, what) for place in places]
 
     def _file_is_new(self) -> bool:
         """Read the SOM file again. Raises ModelError."""

@@ -73,8 +73,6 @@ class TablePublisher(rospy.SubscribeListener):
         rows = {self._key(row): row for row in changed}
         with self._lock:
             gone = [key for key in removed if key in self._rows and key not in rows]
-            if not rows and not gone:
-                return
             channels = self._channels.values()
             missed = [self._concerned(channel, gone) for channel in channels]
             self._rows.update(rows)
@@ -112,10 +110,9 @@ class TablePublisher(rospy.SubscribeListener):
         name = connection.endpoint_id  # as its subscriber calls itself
         concerns = self._concerning(name)
         if concerns is None:
-            name = EVERYBODY
-        elif name not in self._channels:
-            self._channels[name] = _Channel(name, concerns)
-        channel = self._channels[name]
+            channel = self._channels[EVERYBODY]
+        else:
+            channel = self._channels.setdefault(name, _Channel(name, concerns))
         channel.connections.append(connection)
         rows = [self._rows[key] for key in self._concerned(channel, self._rows)]
         self._send(channel, [connection], rows)
@@ -178,12 +175,11 @@ class TableSubscriber:
 
     def _subscribe(self) -> None:
         self._subscribed = time.monotonic()
+        how = self._topic, self._class, self._received
         if self._signing is None:
-            self._subscriber = subscribe(self._topic, self._class, self._received, LARGEST_B)
+            self._subscriber = subscribe(*how, LARGEST_B)
         else:
-            self._subscriber = self._signing.subscribe(
-                self._topic, self._class, self._received, self._lost
-            )
+            self._subscriber = self._signing.subscribe(*how, self._lost)
 
     def _received(self, message: Any) -> None:
         with self._lock:

@@ -212,10 +212,9 @@ def end_process(nodes: Nodes, node: str, gently: bool = False) -> bool:
 
 def clear(nodes: Nodes, node: str) -> bool:
     """Clear what a dead node left registered; False: it had unregistered itself as a publisher."""
-    known = nodes.forget(node)
-    if known is not None and known.process is not None and known.lives:
+    uri = nodes.forget(node)
+    if uri is None:
         return True
-    uri = known.uri if known else ""
     try:
         if not uri:
             uri = uri_of(node)

@@ -61,13 +61,14 @@ class Nodes:
         with self._lock:
             return self._known.get(node)
 
-    def forget(self, node: str) -> Optional[Known]:
-        """Forget a node unless its process lives; return what was known of it."""
+    def forget(self, node: str) -> Optional[str]:
+        """Forget a node; return its address, empty if none is known. None: its process lives."""
         with self._lock:
             known = self._known.get(node)
-            if known is None or known.process is None or not known.lives:
-                self._known.pop(node, None)
-            return known
+            if known is not None and known.process is not None and known.lives:
+                return None
+            self._known.pop(node, None)
+            return known.uri if known else ""
 
     def sharing(self, process: psutil.Process) -> Set[str]:
         """Return the nodes that were found in a process."""

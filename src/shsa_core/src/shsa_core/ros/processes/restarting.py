@@ -3,9 +3,8 @@ import json
 import os
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Callable, Dict, Iterator, List, Optional, Sequence, Set
+from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set
 
 import psutil
 import rospy
@@ -20,6 +19,8 @@ from shsa_core.ros.workers import guarded, repeating
 TICKS_HZ = os.sysconf("SC_CLK_TCK")  # of the kernel, in which it tells a start
 MARK = "SHSA_RESTARTED"
 """The environment variable of a node that healing restarted: whose it is, its name, its starter."""
+OF_A_START = {MARK, "INVOCATION_ID", "JOURNAL_STREAM", "SYSTEMD_EXEC_PID"}
+"""Environment variables that differ at each start: ours, and those of systemd."""
 
 
 def _children(pid: int) -> Iterator[int]:
@@ -28,14 +29,11 @@ def _children(pid: int) -> Iterator[int]:
             yield from map(int, file.read_text().split())
 
 
-@dataclass(frozen=True)
-class _Start:
+class _Start(NamedTuple):
     words: List[str]
     folder: str
     environment: Dict[str, str]
-    starter: Identity
-    """The process that started it first; NOBODY: none waits for it."""
-    process: Identity = NOBODY
+    process: Identity
 
 
 class Restarts:
@@ -57,6 +55,7 @@ class Restarts:
         self._children, self._starter_ended, self._came = children, starter_ended, came
         self._owner = f"{rospy.get_namespace()} {host}"
         self._starts: Dict[str, _Start] = {}
+        self._starters: Dict[str, Identity] = {}  # who started each first; NOBODY: nobody waits
         self._others: Dict[str, Set[int]] = {}  # by node: children of its starter that it is not
         self._told: Dict[str, psutil.Process] = {}  # those that came
         repeating("restarts", settings.TICK_S, self._work).start()
@@ -73,26 +72,26 @@ class Restarts:
             has_starter = parent > 1 or started_by_launch(process.pid)
             starter = identity(parent) if has_starter else NOBODY
             words, folder, variables = process.cmdline(), process.cwd(), process.environ()
-            start = _Start(words, folder, variables, starter, identity(process.pid))
+            start = _Start(words, folder, variables, identity(process.pid))
         except (psutil.Error, OSError) as error:
             if not isinstance(error, psutil.NoSuchProcess):
                 rospy.logwarn("%s could not be started again: %s", node, error)
             return
-        if gone(process) or not is_ours(process):
+        if gone(process) or not is_ours(process) or not words:
             return  # another one has its number by now
-        if self._children.process(node) == process:  # we started it
-            start = replace(start, starter=self._starts[node].starter)
+        if self._children.process(node) != process:  # else we started it
+            self._starters[node] = starter
         self._starts[node] = start
 
     def knows(self, node: str) -> bool:
         """Return whether a node could be started again."""
-        return node in self._starts and bool(self._starts[node].words)
+        return node in self._starts
 
     def _started_again(self, node: str) -> Optional[psutil.Process]:
-        start = self._starts.get(node)
-        if start is None or not start.words or ended(start.starter):
+        start, starter = self._starts.get(node), self._starters.get(node, NOBODY)
+        if start is None or ended(starter):
             return None
-        children, before = set(_children(start.starter[0])), self._others.get(node, set())
+        children, before = set(_children(starter[0])), self._others.get(node, set())
         others = self._others[node] = before & children
         for pid in children - others:
             with suppress(psutil.Error, OSError):  # without descriptors the next look is soon
@@ -111,8 +110,8 @@ class Restarts:
         known, others = identity(process.pid), list(self._starts.items())
         if known[1] <= start.process[1] or known in [s.process for n, s in others if n != node]:
             return False
-        there = {**process.environ(), MARK: ""}
-        return there == {**start.environment, MARK: ""} and is_ours(process)
+        lasting = lambda variables: {k: v for k, v in variables.items() if k not in OF_A_START}
+        return lasting(process.environ()) == lasting(start.environment) and is_ours(process)
 
     def take_up(self) -> List[str]:
         """Make ours what a former reconfigurator or agent has started again; return the nodes."""
@@ -126,7 +125,7 @@ class Restarts:
             except Exception:  # anybody may have written the mark, and whatever it is
                 continue
             if is_node and isinstance(node, str) and not gone(process):
-                self._starts[node] = _Start([], "", {}, first)
+                self._starters[node] = first
                 self._children.keep(node, process)
                 taken.append(node)
         return taken
@@ -134,17 +133,17 @@ class Restarts:
     def start(self, node: str) -> psutil.Process:
         """Start a node again. Raises ShsaError if its start was never seen, OSError."""
         start = self._starts.get(node)
-        if start is None or not start.words:
+        if start is None:
             raise ShsaError("it was never seen healthy on this computer")
-        mark = {MARK: json.dumps([self._owner, node, *start.starter])}
+        mark = {MARK: json.dumps([self._owner, node, *self._starters[node]])}
         process = Started(start.words, env={**start.environment, **mark}, cwd=start.folder or None)
         self._children.keep(node, process)
         return process
 
     def abandoned(self, ending: bool = False) -> List[str]:
         """Return restarted nodes that run and whose starter ends; ours is, if we are `ending`."""
-        running = filter(self._starts.__contains__, self._children.running())
-        starters = {node: self._starts[node].starter for node in running}
+        running = filter(self._starters.__contains__, self._children.running())
+        starters = {node: self._starters[node] for node in running}
         ours = identity(os.getppid()) if ending else NOBODY
         over = lambda first: ended(first) or first == ours
         return [node for node, first in starters.items() if first != NOBODY and over(first)]
@@ -153,7 +152,7 @@ class Restarts:
         for node in self._awaited:
             guarded(f"The look for {node}", self._look, node)
         for node in self.abandoned():
-            self._starts[node] = replace(self._starts[node], starter=NOBODY)  # it is told once
+            self._starters[node] = NOBODY  # it is told once
             guarded(f"The end of the starter of {node}", self._starter_ended, node)
 
     def _look(self, node: str) -> None:

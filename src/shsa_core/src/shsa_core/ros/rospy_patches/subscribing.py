@@ -105,19 +105,14 @@ def bound_messages(transport: Any, largest: int) -> None:
 class _Asking(_SubscriberImpl):
     """rospy's side of a subscription that asks for connections by itself, too."""
 
-    def connects(self, uri: str) -> bool:
-        """Return whether a connection to the node at `uri` stands or is under way."""
-        with self.c_lock:
-            return any(each.endpoint_id == uri for each in self.connections)
-
     def connect(self, uri: str) -> bool:
         """Connect as rospy does when the master tells it of a publisher. Raises one of FAILURES."""
-        if self.connects(uri):
+        if self.has_connection(uri):
             return True
         protocol = ask(uri, "requestTopic", self.resolved_name, [["TCPROS"]])
         if self.closed:  # another one may have its name by now
             return False
-        if not protocol or self.connects(uri):  # rospy was faster
+        if not protocol or self.has_connection(uri):  # rospy was faster
             return bool(protocol)
         create = get_tcpros_handler().create_transport
         return bool(create(self.resolved_name, uri, protocol)[0] == 1)

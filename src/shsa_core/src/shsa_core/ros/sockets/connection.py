@@ -34,12 +34,11 @@ class Connection:
         self.transport, self.uri = transport, str(transport.endpoint_id)
         self.header: Dict[str, str] = transport.header
         self.descriptor: int = connected.fileno()
-        self.host = self.at = ""
-        with suppress(OSError):  # it has gone already
-            self.host = str(connected.getpeername()[0])
+        self.at = ""
         self.is_known = self.is_large = False
         self.wakes = True
         self.frames = Frames()
+        self.newest: Optional[bytes] = None  # the last message of who is not known yet
         self.emptied: Optional[Moment] = None  # by then all was read that had come; None: it is
         self.expects = 1
         """Bytes that come before the kernel wakes who waits for it; 1: each does."""

@@ -24,22 +24,22 @@ LEFT_PAUSES = 7
 """About a minute: whoever advertises a topic anew later is told of by the master."""
 
 
-def refuses(host: str, uri: str) -> bool:
-    """Return whether nobody listens any more where the node at `uri` did, on `host`.
+def refuses(at: str) -> bool:
+    """Return whether nobody listens any more at a numeric address.
 
     A process that dies closes its connections first: who accepts has a moment to drop the call.
     """
     try:
-        port = address(uri).port
+        there = address(at)
     except BadAnswer:
         return False
     left = settings.REST_S
     end = _now() + left
     while left > 0.0:
-        with socket.socket(family(host)) as caller:
+        with socket.socket(family(there.host)) as caller:
             caller.settimeout(left)
             try:
-                caller.connect((host, port))
+                caller.connect(there)
                 caller.settimeout(max(1e-6, end - _now()))
                 caller.recv(1)
             except ConnectionRefusedError:
@@ -65,7 +65,7 @@ class Doubt:
     uri: str
     implementation: HandedOver
     publisher: str
-    host: str
+    at: str
     until: float
     tries: int = 0
     waits: bool = False
@@ -88,10 +88,10 @@ class Reconnection:
         self._doubts: Dict[Tuple[str, str], Doubt] = {}
 
     def lost(
-        self, topic: str, uri: str, implementation: HandedOver, publisher: str = "", host: str = ""
+        self, topic: str, uri: str, implementation: HandedOver, publisher: str = "", at: str = ""
     ) -> List[Doubt]:
         """Doubt whose connection has ended, or never stood: nobody else would ask for another."""
-        doubt = Doubt(topic, uri, implementation, publisher, host, _now() + settings.CALL_S)
+        doubt = Doubt(topic, uri, implementation, publisher, at, _now() + settings.CALL_S)
         if publisher or (topic, uri) not in self._doubts:
             self._doubts[topic, uri] = doubt
         return self._settle(self._doubts[topic, uri])
@@ -105,7 +105,7 @@ class Reconnection:
             return []
         doubt.waits, doubt.gone = False, gone
         doubt.tries = doubt.tries if willing else settings.TRIES
-        found, connects = self._settle(doubt), doubt.implementation.connects(doubt.uri)
+        found, connects = self._settle(doubt), doubt.implementation.has_connection(doubt.uri)
         if found or connects or willing is not False or doubt.left or not doubt.publisher:
             return found
         doubt.left, doubt.until = True, _now() + settings.TURN_S
@@ -138,9 +138,9 @@ class Reconnection:
         return self._doubts.pop((doubt.topic, doubt.uri))
 
     def _settle(self, doubt: Doubt) -> List[Doubt]:
-        if doubt.waits or doubt.implementation.connects(doubt.uri):
+        if doubt.waits or doubt.implementation.has_connection(doubt.uri):
             return []
-        doubt.gone = doubt.gone or (not doubt.pauses and self.is_gone(doubt.host, doubt.uri))
+        doubt.gone = doubt.gone or (not doubt.pauses and self.is_gone(doubt.at))
         if doubt.gone:
             return [self._end(doubt)] if doubt.publisher else []
         if doubt.tries < settings.TRIES:
@@ -148,15 +148,15 @@ class Reconnection:
             self._workers.put(partial(self._ask, doubt))
         return []
 
-    def is_gone(self, host: str, uri: str) -> bool:
+    def is_gone(self, at: str) -> bool:
         """Return whether a node refuses calls; one look does for all topics that it closes."""
         begin = _now() - settings.TURN_S
-        self._listened = {each: at for each, at in self._listened.items() if at > begin}
-        if not host or uri in self._listened:
+        self._listened = {each: looked for each, looked in self._listened.items() if looked > begin}
+        if at in self._listened:
             return False
-        gone = refuses(host, uri)
+        gone = refuses(at)
         if not gone:
-            self._listened[uri] = _now()
+            self._listened[at] = _now()
         return gone
 
     def _ask(self, doubt: Doubt) -> None:

@@ -48,14 +48,14 @@ class Inbox:
             self._woken = True
             os.write(self._writer, b"!")
 
-    def watch(self, descriptor: int, wakes: bool = True) -> None:
-        """Wait for this descriptor as well, or for its end alone, until it is closed."""
+    def watch(self, descriptor: int) -> None:
+        """Wait for this descriptor as well, until it is closed."""
         self._readable.register(descriptor, READABLE)
-        self._waking.register(descriptor, READABLE if wakes else select.EPOLLRDHUP)
+        self._waking.register(descriptor, READABLE)
         self._hung_up.register(descriptor, select.EPOLLRDHUP)
 
     def watch_otherwise(self, descriptor: int, wakes: bool) -> None:
-        """Have a watched descriptor wake from now on, or not."""
+        """Have a watched descriptor wake from now on, or not until its end."""
         self._waking.modify(descriptor, READABLE if wakes else select.EPOLLRDHUP)
 
     def wait(self, timeout: float) -> None:
@@ -119,7 +119,6 @@ class Subscriptions:
         )
         self.topics: Dict[str, HandedOver] = {}  # those that are subscribed
         self._standing: Dict[int, Connection] = {}
-        self._newest: Dict[Connection, bytes] = {}  # the last message of who is not known yet
         self._large: Set[int] = set()  # descriptors that are ready late: less may come
 
     def subscribe(self, topic: str) -> None:
@@ -194,11 +193,9 @@ class Subscriptions:
         if connection.descriptor in self._standing:
             yield from self._lose(self._standing[connection.descriptor])
         self._standing[connection.descriptor] = connection
-        connection.wakes = self._wakes(topic)
-        try:
-            self.inbox.watch(connection.descriptor, connection.wakes)
-        except OSError:
-            connection.wakes = True  # it has just been closed, which we are told next
+        with suppress(OSError):  # it has just been closed, which we are told next
+            self.inbox.watch(connection.descriptor)
+            self._have_wake(connection, self._wakes(topic))
         self._caller_ids.claim(connection)
 
     def _recognize(self, connection: Connection) -> Iterator[Happening]:
@@ -208,17 +205,14 @@ class Subscriptions:
         if [each.publisher for each in alike].count(publisher) == 1:
             yield Connected(self._time, topic, publisher, connection.at)
         self._reconnection.connected(topic, publisher, connection.uri)
-        if connection in self._newest:
-            data = self._newest.pop(connection)
+        data, connection.newest = connection.newest, None
+        if data is not None:
             yield Arrived(self._time, connection, data, True, self._times.looked.ros_time)
 
     def _disown(self, by: Connection) -> Iterator[Happening]:
         """Ask again about connections to where a node is no more: another has its name."""
-        former = [
-            each
-            for each in self._standing.values()
-            if each.is_known and each.publisher == by.publisher and each.uri != by.uri
-        ]
+        alike = [each for each in self._standing.values() if each.publisher == by.publisher]
+        former = [each for each in alike if each.is_known and each.uri != by.uri]
         for each in former:
             self._caller_ids.claim(each)
         for topic in {each.topic for each in former} - {by.topic}:
@@ -242,7 +236,7 @@ class Subscriptions:
                     time, first = max(since, time), min(first, time)
                     yield Arrived(time, connection, data, whole, ros_time, time - first)
                 else:
-                    self._newest[connection] = data
+                    connection.newest = data
             if not stands:
                 connection.transport.close()
                 yield from self._lose(connection)
@@ -255,11 +249,9 @@ class Subscriptions:
 
     def _have_wake(self, connection: Connection, wakes: bool) -> None:
         if connection.wakes is not wakes:
-            try:
+            with suppress(OSError):  # it has just been closed, which we are told next
                 self.inbox.watch_otherwise(connection.descriptor, wakes)
-            except OSError:
-                return  # it has just been closed, which we are told next
-            connection.wakes = wakes
+                connection.wakes = wakes
 
     def _lose(self, connection: Connection) -> Iterator[Happening]:
         self._forget(connection)
@@ -268,12 +260,11 @@ class Subscriptions:
         if not connection.is_known:
             yield from self._gone(self._reconnection.lost(*lost))
         elif publisher not in self.publishers(topic):
-            gone = self._reconnection.lost(*lost, publisher, connection.host)
+            gone = self._reconnection.lost(*lost, publisher, connection.at)
             yield from self._gone(gone) if gone else [Interrupted(self._time, topic, publisher)]
 
     def _forget(self, connection: Connection) -> None:
         del self._standing[connection.descriptor]
-        self._newest.pop(connection, None)
         self._caller_ids.drop(connection)
 
     def _gone(self, doubts: Iterable[Doubt]) -> Iterator[Happening]:

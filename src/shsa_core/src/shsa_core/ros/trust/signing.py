@@ -6,7 +6,7 @@ import secrets
 import socket
 import threading
 import time
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Type
 
 import genpy
@@ -15,7 +15,7 @@ from rospy.impl.masterslave import ROSHandler
 
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
-from shsa_core.ros.master.node_api import FAILURES, Answer, address, ask_timed, master_api
+from shsa_core.ros.master.node_api import FAILURES, address, ask_timed, master_api
 from shsa_core.ros.rospy_patches.publishing import advertise
 from shsa_core.ros.rospy_patches.subscribing import subscribe
 from shsa_core.ros.trust import secret as secret_file
@@ -24,9 +24,9 @@ from shsa_core.ros.workers import repeating
 from shsa_core.text import shown
 from shsa_core.trust import proof
 from shsa_core.trust.boots import Boots, Met, NoAnswer
-from shsa_core.trust.proof import Place, Proof, WrongSecret
+from shsa_core.trust.proof import Proof, WrongSecret
 from shsa_core.trust.seal import BOOT_B, EARLY, FOREIGN, NO_SIGNATURE, SIGNATURE_B, TRAILER, TWICE
-from shsa_core.trust.seal import UNPROVEN, UNSIGNED, Seal, Verifier
+from shsa_core.trust.seal import UNPROVEN, UNSIGNED, Verifier, seal
 
 LARGEST_B = 1 << 25
 """A larger message is not read: its sender is cut off."""
@@ -45,15 +45,15 @@ class Signing:
         self.refusals = Refusals()
         self._secret = secret_file.obtain(self.path) if make else secret_file.read(self.path)
         self._boot = origin()
-        self._challenger = Challenger(self._secret)
-        self.boots = Boots(self._boot, self._challenger.ask, time.monotonic_ns)
+        self._challenge = partial(challenge, self._secret)
+        self.boots = Boots(self._boot, self._challenge, time.monotonic_ns)
         self._lock = threading.Lock()
         self._measuring = repeating("clocks", settings.LOOK_S, self.boots.renew)
         serve(self._secret, self._boot)
 
     def signed(self, topic: str, kind: Type[genpy.Message]) -> Any:
         """Return a message class like `kind`, whose messages are signed as they are serialized."""
-        boot, seal = self._boot, Seal(self._secret, self._boot, rospy.resolve_name(topic))
+        secret, boot, name = self._secret, self._boot, rospy.resolve_name(topic)
 
         class Signed(kind):  # type: ignore[misc,valid-type]
             """A message that is signed."""
@@ -65,7 +65,7 @@ class Signing:
                 super().serialize(buff)
                 end = buff.tell() - SIGNATURE_B
                 buff.seek(end)
-                buff.write(seal.signature(buff.getvalue()[start:end]))
+                buff.write(seal(secret, boot, name, buff.getvalue()[start:end]))
 
         return Signed
 
@@ -148,47 +148,35 @@ class Signing:
     def _suspect(self, sender: str) -> None:
         """Say so if a sender has another secret: a person can mend that."""
         try:
-            self._challenger.ask(sender)
+            self._challenge(sender)
         except WrongSecret as error:
             rospy.logerr("%s: healing there is not believed. Ours is in %s.", error, self.path)
         except ShsaError:
             return  # it is no healer; that it was refused is said
 
 
-@dataclass
-class Challenger:
-    """Asks nodes to prove that they hold the secret and use our master.
+def challenge(secret: bytes, node: str) -> Met:
+    """Have a node prove that it holds the secret and uses our master, by a call of its own API.
 
-    The question is one more call of a node's own XML-RPC interface. `find`: a lookup of a node's
-    address. `call`: a call of a method with a nonce at a URI. Both raise one of FAILURES. `ours`:
-    our master. `wall`: the wall clock at a time of the monotonic one, in ns.
+    Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof.
     """
-
-    secret: bytes
-    find: Callable[[str], str] = lambda node: str(master_api().lookupNode(node))
-    call: Callable[[str, str, str], Answer] = ask_timed
-    ours: Callable[[], Place] = master_seen
-    wall: Callable[[int], int] = lambda at: time.time_ns() + at - time.monotonic_ns()
-
-    def ask(self, node: str) -> Met:
-        """Ask a node. Raises NoAnswer; WrongSecret or ShsaError if what it answers is no proof."""
-        asked = secrets.token_hex(NONCE_B)
-        try:
-            uri = self.find(node)
-            where = shown(address(uri).host, 100)
-            answer = self.call(uri, METHOD, asked)
-        except FAILURES as error:
-            raise NoAnswer("its sender does not prove where it is: no answer") from error
-        try:
-            found = proof.read(self.secret, asked, answer.value)
-        except WrongSecret as error:
-            raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
-        ours = self.ours()
-        if not found.master.is_same(ours):
-            raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
-        ahead = found.wall - self.wall((answer.asked + answer.answered) // 2)
-        times = found.clock, ahead, answer.asked, answer.answered
-        return Met(found.boot, shown(found.host, 100), where, *times)
+    asked = secrets.token_hex(NONCE_B)
+    try:
+        uri = str(master_api().lookupNode(node))
+        where = shown(address(uri).host, 100)
+        answer = ask_timed(uri, METHOD, asked)
+    except FAILURES as error:
+        raise NoAnswer("its sender does not prove where it is: no answer") from error
+    try:
+        found = proof.read(secret, asked, answer.value)
+    except WrongSecret as error:
+        raise WrongSecret(f"{shown(node, 100)} on {where}: {error}") from error
+    ours = master_seen()
+    if not found.master.is_same(ours):
+        raise ShsaError(f"it is of another robot: its ROS master is {found.master}, not {ours}")
+    since = time.monotonic_ns() - (answer.asked + answer.answered) // 2
+    times = found.clock, found.wall - (time.time_ns() - since), answer.asked, answer.answered
+    return Met(found.boot, shown(found.host, 100), where, *times)
 
 
 def serve(secret: bytes, boot: bytes) -> None:

@@ -51,14 +51,9 @@ def health_seen(health: msg.Health, host: str = "") -> events.HealthSeen:
     """Return the event of a message of the monitor of `host` on /shsa/health. Raises ShsaError."""
     ahead = _ahead(health, health.header.stamp)
     keys = (key.partition(" ") for key in health.removed)
-    return events.HealthSeen(
-        time=clock.now(),
-        rows=tuple(_publisher_health(row, ahead) for row in health.publishers),
-        removed=tuple((topic, publisher) for topic, _, publisher in keys),
-        whole=health.whole,
-        began=health.began,
-        host=host,
-    )
+    rows = tuple(_publisher_health(row, ahead) for row in health.publishers)
+    removed = tuple((topic, publisher) for topic, _, publisher in keys)
+    return events.HealthSeen(clock.now(), rows, removed, health.whole, health.began, host)
 
 
 def calibrations_heard(table: msg.Calibrations) -> events.CalibrationsHeard:
@@ -99,15 +94,12 @@ def service_state(state: events.ServiceState) -> msg.ServiceState:
     service = state.service
     told = {
         "service": service.name,
-        "topic": service.topic,
-        "type": service.type,
-        "period": service.period or 0.0,
         "needed": bool(service.needed),
         "properties": list(service.properties),
         "fields": [provision.field for provision in service.provides],
         "qualities": [provision.quality for provision in service.provides],
     }
-    return filled(msg.ServiceState, state, **told)
+    return filled(msg.ServiceState, service, state, **told)
 
 
 def incident(record: Incident) -> msg.Incident:
@@ -131,13 +123,12 @@ def found(plan: Plan) -> srv.FindSubstituteResponse:
     using = ", ".join(plan.relations) or "the same property elsewhere"
     return filled(
         srv.FindSubstituteResponse,
+        plan,
         plan.program,
         found=True,
-        relations=list(plan.relations),
-        quality=plan.quality,
         error_rms=rms_of(plan.errors),
         error_p95=p95_of(plan.errors),
-        proven_best=plan.proven_best,
+        missing=[],
         detail=f"quality {plan.quality:.2g}, by {using}",
     )
 

@@ -45,10 +45,11 @@ def own_rows(prefix: str) -> Callable[[str], Optional[Concerns]]:
     return concerning
 
 
-def filled(kind: Type[genpy.Message], record: Any, /, **others: Any) -> Any:
-    """Return a message of a record's fields, and `others`; None becomes 0, or no text."""
+def filled(kind: Type[genpy.Message], /, *records: Any, **others: Any) -> Any:
+    """Return a message of `others`, else of the last record with a field; None: 0, or no text."""
     types = dict(zip(kind.__slots__, kind._slot_types))
-    same = {name: value for name, value in vars(record).items() if name in types.keys() - others}
+    known = {name: value for each in records for name, value in vars(each).items()}
+    same = {name: value for name, value in known.items() if name in types.keys() - others}
     ahead = clock.offset() if any(types[name] == "time" for name in same) else 0.0
     told = {name: _written(value, types[name], ahead) for name, value in same.items()}
     return kind(**told, **others)
@@ -95,11 +96,7 @@ def _reader(name: str, slot: str, hint: Any, default: Any) -> Read:
         return lambda stamp, ahead: None if ahead is None else clock.to_moment(stamp, ahead)
     if isinstance(of, type) and issubclass(of, Word):
         # No text stands for what a record is made with.
-        return (
-            lambda text, _: default
-            if not text and default is not MISSING
-            else word_of(name, of, text)
-        )
+        return lambda text, _: word_of(name, of, text) if text or default is MISSING else default
     if hint is bytes:
         return lambda data, _: bytes(data)
     if hint == Optional[float]:
@@ -117,18 +114,16 @@ def word_of(name: str, kind: Type[Word], text: str) -> Word:
 
 def substitution_message(row: Substitution) -> msg.Substitution:
     """Return a row as a message."""
-    ends = {"inputs": row.inputs, "outputs": row.outputs}
-    told = {name: [signal_message(each) for each in signals] for name, signals in ends.items()}
-    return filled(msg.Substitution, row, **told)
+    inputs, outputs = (list(map(signal_message, end)) for end in (row.inputs, row.outputs))
+    return filled(msg.Substitution, row, inputs=inputs, outputs=outputs)
 
 
 def substitution_row(message: msg.Substitution) -> Substitution:
     """Return the row that a message holds. Raises ShsaError if it is none."""
     if not 0.0 <= message.bridge < math.inf:
         raise ShsaError(f"bridge must be 0, or s above it, not {message.bridge:g}")
-    ends = {"inputs": message.inputs, "outputs": message.outputs}
-    told = {name: tuple(map(signal_of, signals)) for name, signals in ends.items()}
-    return read(Substitution, message, **told)
+    inputs, outputs = (tuple(map(signal_of, end)) for end in (message.inputs, message.outputs))
+    return read(Substitution, message, inputs=inputs, outputs=outputs)
 
 
 def signal_message(signal: Signal) -> msg.Signal:
