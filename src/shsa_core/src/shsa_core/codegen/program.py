@@ -7,8 +7,10 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.errors import CodeError
 from shsa_core.language.functions import CONSTANTS, ELAPSED, FILTER, FUNCTIONS, STATEFUL
-from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, previous, unwrapped
+from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, longest_gap, previous
+from shsa_core.language.memory import unwrapped
 from shsa_core.language.trees import literal, row
+from shsa_core.model.field import is_angle
 
 INTEGRAL, DERIVATIVE = "integral", "derivative"
 Remembered = Callable[[str, List[ast.expr]], ast.expr]
@@ -41,15 +43,30 @@ class CompiledProgram:
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, **how: Any
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
-    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
+    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError."""
+    return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
 
-    `how`: `correct` gets an output's number and value, and returns what all else is computed from;
-    derivatives are taken `over` so many s, from and to; inputs are `angles`, or not: derivatives
-    and filters of them go the shorter way.
+
+def compile_periodic(
+    code: str,
+    inputs: Sequence[Tuple[str, Optional[float]]],
+    n_outputs: int,
+    period: Optional[float],
+    correct: Correct = None,
+) -> CompiledProgram:
+    """Compile code that is evaluated once a `period`, in s; `inputs`: the field and period of each.
+
+    Derivatives are taken over half a period at least, as shorter ones are wild; those of angles,
+    and filters, go the shorter way. `correct` gets an output's number and value, and returns what
+    all else is computed from.
     """
-    return _Compiler(max_gap, **how).compile(check_code(code, n_inputs, n_outputs))
+    gap = longest_gap(period)
+    slowest = max((each or 0.0 for _, each in inputs), default=0.0)
+    over = 0.5 * (period or 0.0), max(gap, longest_gap(slowest))
+    angles = [is_angle(field) for field, _ in inputs]
+    return _Compiler(gap, correct, over, angles).compile(check_code(code, len(inputs), n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:

@@ -3,9 +3,8 @@ import math
 from collections import defaultdict, deque
 from typing import DefaultDict, Deque, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.codegen.program import compile_program
+from shsa_core.codegen.program import compile_periodic
 from shsa_core.errors import ShsaError
-from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.substitution import Substitution
@@ -48,11 +47,8 @@ class Job:
             named = ", ".join(row.topics) or "none"
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
-        over = spans(self.period, (each.period for each in row.inputs))
-        turn = [is_angle(each.field) for each in row.inputs]
-        gap, size = longest_gap(self.period), (len(row.inputs), len(row.outputs))
-        correct = self._turned
-        program = compile_program(row.code, *size, gap, correct=correct, over=over, angles=turn)
+        inputs = [(each.field, each.period) for each in row.inputs]
+        program = compile_periodic(row.code, inputs, len(row.outputs), self.period, self._turned)
         self._program, self.timed = program, program.timed
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
