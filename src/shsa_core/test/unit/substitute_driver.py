@@ -59,11 +59,11 @@ def check(core: Substitute, said: Sequence[Any]) -> None:
     for each in published:
         assert core._advertising.ready(each.outputs[0].topic)
         assert job is not None and not job.unstarted, "it integrates from nobody knows where"
-        assert each.stamp == core._stamps.latest(job.topic)
+        assert each.stamp == core._stamps._latest[job.topic]
     if job is not None:
         assert core.reads_at > now or core._values() is None, "what is due is done, if it can be"
         listens = core._readings._readings
-        assert all((each.field, each.node) in listens[each.topic] for each in job.inputs)
+        assert all((each.topic, each.field, each.node) in listens for each in job.inputs)
         assert job.topic in core.topics
 
 

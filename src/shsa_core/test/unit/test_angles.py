@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import List, Optional
 
 import pytest
-from shsa_core.codegen.program import compile_program
+from shsa_core.codegen.program import compile_periodic
 from shsa_core.model.error import Error
 from shsa_core.substitution import events
 from shsa_core.substitution.job import Job
@@ -42,7 +42,7 @@ def test_a_turning_robot_is_where_it_was_plus_its_turn(error: Optional[Error], z
 def turned(text: str, angle: bool = True) -> List[float]:
     """What a program makes of an angle that turns by 1 rad/s for two turns, at 50 Hz."""
     code = f"t0=x[0];\ndef _tf1(i1):\n  return {text}\nt1=_tf1(t0)\ny=t1"
-    step = compile_program(code, 1, 1, angles=[angle]).step
+    step = compile_periodic(code, [(YAW if angle else "data", 0.02)], 1, 0.02).step
     moments = [0.02 * number for number in range(640)]
     found = [step((math.remainder(time, math.tau),), time) for time in moments]
     return [each[0] for each in found if each is not None][100:]
@@ -67,7 +67,7 @@ def test_what_is_filtered_or_passed_through_a_relation_is_an_angle_still() -> No
     assert found == pytest.approx([1.0] * len(found), abs=1e-3)
     code = "t0=x[0];\ndef _tf1(i1): return i1 + 0.5\nt1=_tf1(t0)\n"
     code += "def _tf2(i1):\n  o = i1\n  return derivative(o)\nt2=_tf2(t1)\ny=t2"
-    step = compile_program(code, 1, 1, angles=[True]).step
+    step = compile_periodic(code, [(YAW, 0.02)], 1, 0.02).step
     assert step((3.1,), 0.0) is None
     assert step((-3.1,), 0.1) == (pytest.approx((math.tau - 6.2) / 0.1),)
 

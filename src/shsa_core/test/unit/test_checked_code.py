@@ -156,7 +156,7 @@ def test_names_may_be_given_values_on_the_way() -> None:
     code = GOOD.replace("return i1*i2", "o = i1 \\\n    * i2\n  return o", 1)
     relation = check_code(code, 2, 2).relations[0]
     assert [name for name, _ in relation.steps] == ["o"]
-    assert len(relation.trees) == 3
+    assert {"i1", "i2", "o"} <= relation.names
 
 
 @pytest.mark.parametrize("name", ["nan", "now", "step", "power", "t1_1", "value_of_memory0", "T0"])

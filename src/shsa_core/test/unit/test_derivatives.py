@@ -2,7 +2,7 @@
 from typing import Any, List, Tuple
 
 import pytest
-from shsa_core.codegen.program import compile_program
+from shsa_core.codegen.program import compile_periodic, compile_program
 from shsa_core.substitution import events
 from shsa_core.substitution.readings import Readings
 from substitute_driver import PERIOD, Driver, row, signal, values
@@ -63,7 +63,7 @@ def test_stamps_count_rather_than_when_a_message_came() -> None:
 
 
 def test_samples_that_come_at_once_give_no_wild_slope() -> None:
-    step = compile_program(code("derivative(i1)"), 1, 1, over=(0.01, 1.0)).step
+    step = compile_periodic(code("derivative(i1)"), [("data", 0.02)], 1, 0.02).step
     moments = [(0.0, 0.0), (0.0399, 0.02), (0.0401, 0.04), (0.06, 0.06)]
     found = [step((x,), now, (at,)) for now, (at, x) in zip((0.0, 0.02, 0.04, 0.06), moments)]
     assert [each and each[0] for each in found[:3]] == [None, *[pytest.approx(0.02 / 0.0399)] * 2]

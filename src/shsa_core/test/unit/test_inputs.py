@@ -31,6 +31,7 @@ from shsa_core.substitution.events import (
     InputArrived,
     OtherGone,
     OtherHeard,
+    Overhear,
 )
 from shsa_testing.waiting import wait_until
 
@@ -155,7 +156,7 @@ def test_else_the_newest_is_kept_until_it_is_read(bench: Bench) -> None:
 
 
 def test_what_nobody_waits_for_is_told_late_with_the_time_at_which_it_came(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64"))
     original = bench.connect("/out", ORIGINAL)
     bench.inputs.hurry(False)
 
@@ -212,7 +213,7 @@ def test_nobody_connects_to_itself(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_others_on_a_topic_are_heard(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
+    bench.inputs.overhear(Overhear("/out", "shsa_msgs/Float64Stamped"))
     original = bench.connect("/out", ORIGINAL, Float64Stamped)
     stamped = Float64Stamped(data=3.0)
     stamped.header.stamp = rospy.Time(7, 5)
@@ -228,7 +229,7 @@ def test_others_on_a_topic_are_heard(bench: Bench) -> None:
 
 
 def test_a_strangers_message_is_not_kept(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "std_msgs/Float64", ORIGINAL)
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64", ORIGINAL))
     original, stranger = bench.connect("/out", ORIGINAL), bench.connect("/out", "/stranger")
     for who, value in ((original, 1.0), (stranger, 1000.0)):
         say(who, Float64(value))
@@ -238,7 +239,7 @@ def test_a_strangers_message_is_not_kept(bench: Bench) -> None:
 
 
 def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "shsa_msgs/Float64Stamped")
+    bench.inputs.overhear(Overhear("/out", "shsa_msgs/Float64Stamped"))
     original = bench.connect("/out", ORIGINAL, Float64Stamped)
     stamped = Float64Stamped()
     stamped.header.stamp = rospy.Time(4_000_000_000)
@@ -250,14 +251,14 @@ def test_a_stamp_in_the_future_counts_as_now(bench: Bench) -> None:
 def test_a_topic_may_be_read_and_overheard(bench: Bench) -> None:
     bench.listen("/out")
     end = bench.connect("/out", ORIGINAL)
-    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64"))
     bench.inputs.read(["/out"])
     say(end, Float64(1.0))
     assert values(bench.take()) == [("OtherHeard", ORIGINAL), ("/out", 1.0)]
 
 
 def test_who_is_gone_is_told_after_its_last_message(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64"))
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
     uri = f"http://127.0.0.1:{port}/"
@@ -303,7 +304,7 @@ def test_of_who_is_gone_nothing_is_kept_for_later(bench: Bench) -> None:
 
 
 def test_who_only_closed_its_connection_is_not_gone(bench: Bench) -> None:
-    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64"))
     with socket.create_server(("127.0.0.1", 0)) as listening:
         uri = f"http://127.0.0.1:{listening.getsockname()[1]}/"
         end = bench.connect("/out", ORIGINAL, uri=uri)
@@ -326,7 +327,7 @@ def test_who_sends_large_messages_is_not_held_up(bench: Bench) -> None:
 
 def test_another_type_is_not_heard_and_costs_nobody_anything(bench: Bench) -> None:
     bench.listen("/in")
-    bench.inputs.overhear("/out", "std_msgs/Float64")
+    bench.inputs.overhear(Overhear("/out", "std_msgs/Float64"))
     bench.inputs.read(["/in"])
     wrong, right = bench.connect("/in", "/wrong", String), bench.connect("/in", SOURCE)
     other = bench.connect("/out", ORIGINAL, String)

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, Optional
+from typing import Any, List, Optional
 
 import pytest
 
@@ -32,11 +32,16 @@ class RecordedRobot(Robot):
         """One event, recorded with its answer."""
         if self.journal is None:
             self.journal = JournalWriter(str(self._path), "healing", self.setup, pytest.fail)
-        self.journal.record(event)
-        before = len(self.said)
-        taken = super().handle(event)
-        self.journal.answered(self.said[before:])
-        return taken
+        taken: List[float] = []
+        handle = super().handle
+
+        def answer(event: events.Event) -> List[Any]:
+            before = len(self.said)
+            taken.append(handle(event))
+            return self.said[before:]
+
+        self.journal.recorded(answer)(event)
+        return taken[0]
 
 
 def replayed(path: Path, seed: int) -> Any:

@@ -8,6 +8,7 @@ import os
 import stat
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Optional
 
@@ -63,13 +64,15 @@ def opened(path: Path, warnings: List[str]) -> Open:
 
 def live(writer: JournalWriter, machine: toy.Adder, events: List[Any]) -> None:
     """Do what a node does with every event."""
+    handle = writer.recorded(machine.handle)
     for event in events:
-        writer.record(event)
-        try:
-            commands = machine.handle(event)
-        except ValueError:
-            continue
-        writer.answered(commands)
+        with suppress(ValueError):
+            handle(event)
+
+
+def record(writer: JournalWriter, event: Any, *answer: Any) -> None:
+    """Have a machine hear an event, to which it gives this answer."""
+    writer.recorded(lambda _: answer)(event)
 
 
 def recorded(opened: Open, events: List[Any]) -> None:
@@ -187,7 +190,7 @@ def test_a_setup_that_cannot_be_written_hinders_nobody(
 ) -> None:
     writer = opened(setup)
     assert not writer.recording and len(warnings) == 1 and not path.exists()
-    writer.record(EVENTS[0])
+    record(writer, EVENTS[0])
     writer.close()
 
 
@@ -196,9 +199,9 @@ def test_an_event_that_cannot_be_written_ends_the_recording(
 ) -> None:
     writer = opened()
     live(writer, toy.Adder(Som()), EVENTS[:2])
-    writer.record(toy.Show(1.0))
+    record(writer, toy.Show(1.0))
     writer.close()
-    writer.record(toy.Tick(1.0))
+    record(writer, toy.Tick(1.0))
     assert not writer.recording and len(warnings) == 1 and "none of Added" in warnings[0]
     assert not writer._waiting
 
@@ -291,8 +294,7 @@ def test_closing_ends_the_thread_and_closes_the_file(opened: Open) -> None:
     writer.close()
     writer.close()
     assert (threading.active_count(), len(os.listdir("/proc/self/fd"))) == before
-    writer.record(EVENTS[0])
-    writer.answered([toy.Show(1.0)])
+    record(writer, EVENTS[0], toy.Show(1.0))
     assert not writer._waiting
 
 
@@ -369,8 +371,7 @@ def test_recording_costs_no_more_than_a_few_microseconds(opened: Open) -> None:
     count = 10_000
     begun = time.perf_counter()
     for _ in range(count):
-        writer.record(EVENTS[0])
-        writer.answered(())
+        record(writer, EVENTS[0])
     cost = (time.perf_counter() - begun) / count
     writer.close()
     assert cost < 50e-6  # 1 us on an idle machine, which this one may not be

@@ -2,7 +2,7 @@
 import ast
 import re
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
+from typing import Any, Dict, List, Mapping, NoReturn, Optional, Sequence, Set, Tuple, Union
 
 from shsa_core.errors import CodeError, ExpressionError
 from shsa_core.language.functions import DELAY
@@ -31,10 +31,11 @@ class CheckedRelation:
     expression: ast.expr
 
     @property
-    def trees(self) -> Tuple[ast.expr, ...]:
-        """All its expressions."""
+    def names(self) -> Set[str]:
+        """All names in it."""
         constraint = () if self.constraint is None else (self.constraint,)
-        return (*constraint, *(tree for _, tree in self.steps), self.expression)
+        trees = (*constraint, *(tree for _, tree in self.steps), self.expression)
+        return {node.id for tree in trees for node in name_nodes(tree)}
 
 
 @dataclass(frozen=True)
@@ -112,8 +113,7 @@ class _Reader:
 
     def _read_relation(self, definition: ast.FunctionDef, name: str) -> CheckedRelation:
         parameters = [f"i{index + 1}" for index in range(len(definition.args.args))]
-        plain = ast.parse(f"def {name}({','.join(parameters)}): pass").body[0]
-        assert isinstance(plain, ast.FunctionDef)
+        plain: Any = ast.parse(f"def {name}({','.join(parameters)}): pass").body[0]
         extra = definition.decorator_list or definition.returns
         if definition.name != name or extra or ast.dump(definition.args) != ast.dump(plain.args):
             self._fail(definition, f"'def {name}(i1,i2,...)' is due here")

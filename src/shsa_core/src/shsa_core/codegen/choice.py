@@ -1,7 +1,7 @@
 """Orders derivations: by what is preferred, by expected error where it is known, by quality."""
 from heapq import heappop, heappush
 from itertools import zip_longest
-from typing import Collection, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
+from typing import Collection, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.generator import fused
 from shsa_core.codegen.prediction import Predictor
@@ -44,9 +44,10 @@ def listing(
     given: Set[int] = set()
     if known is not None or prefer:
         pairs = zip_longest(numbers, limits)
-        compared = [compare(table, usable, number, known, prefer, limit) for number, limit in pairs]
-        complete = all(each.complete for each in compared)
-        parts = [e.rated if refused else e.rated[: max(e.used, 1)] for e in compared]
+        how = known, prefer, refused
+        compared = [compare(table, usable, number, limit, *how) for number, limit in pairs]
+        complete = all(whole for _, whole in compared)
+        parts = [rated for rated, _ in compared]
         for places in joined([len(each) for each in parts]):
             rated = rate_joint([each[i] for each, i in zip(parts, places)])
             given.add(number_of(rated.derivation))
@@ -69,29 +70,20 @@ def listing(
             yield rated, not given
 
 
-class Compared(NamedTuple):
-    """Derivations of a property, best first; `complete`: there are no others.
-
-    `used`: so many of them may be used by their errors.
-    """
-
-    rated: Sequence[Rated]
-    complete: bool
-    used: int
-
-
 def compare(
     table: SourceTable,
     usable: Optional[Usable],
     number: int,
+    limit: Optional[float],
     predictor: Optional[Predictor],
     prefer: Collection[str] = (),
-    limit: Optional[float] = None,
-) -> Compared:
-    """Compare derivations of a property by what is preferred, and by their errors.
+    refused: bool = True,
+) -> Tuple[List[Rated], bool]:
+    """Return derivations of a property, best first, and whether there are no others.
 
     They are taken by turns from all relations that yield it: their qualities must not matter. A
-    fusion comes before all that it is of.
+    fusion comes before all that it is of. What is not used by its error comes last if it is
+    `refused`, or where there is nothing else.
     """
     ranking = Ranking(table, usable)
     ways = [map(rate_source, table.of(number)), *ranking.by_function(number)]
@@ -116,9 +108,10 @@ def compare(
             order.insert(before, len(parts))
             parts.append(each)
             errors += predictor.of([each.derivation])
-    wished, refused = set(prefer), [bool(refusal(error, limit)) for error in errors]
-    order.sort(key=lambda i: (refused[i], wished.isdisjoint(parts[i].derivation.relations())))
-    return Compared([parts[i] for i in order], complete, refused.count(False))
+    wished, wrong = set(prefer), [bool(refusal(error, limit)) for error in errors]
+    order.sort(key=lambda i: (wrong[i], wished.isdisjoint(parts[i].derivation.relations())))
+    most = len(order) if refused else max(wrong.count(False), 1)
+    return [parts[i] for i in order[:most]], complete
 
 
 def ordered(derivations: Sequence[Derivation], predictor: Predictor) -> List[int]:
@@ -150,7 +143,7 @@ def _rank(
     derivation: Derivation, error: Optional[Error], predictor: Predictor
 ) -> Tuple[bool, float, float]:
     """Return what orders it: known errors first; another service of none goes by its quality."""
-    baseline = predictor.baseline(derivation.property)
+    baseline = predictor.baselines.get(derivation.property)
     if error is None:
         source = derivation.source
         return source is None, 0.0 if source is None else 1.0 - source.quality, 0.0

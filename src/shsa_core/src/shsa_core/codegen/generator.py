@@ -20,6 +20,8 @@ _FUSION = re.compile(r"(fusion [\d:]+): (.+)")
 _INPUT = re.compile(r"\bi([123])\b")
 _DEFINITION = re.compile(r"def (\w+)\(.*\): # (.+)")
 _RESULT = re.compile(r"(\w+)=(?:(\w+)?\((.*)\)|(\w+))")
+Use = Tuple[str, str, Tuple[str, ...]]
+"""A relation used in a generated program: its title, its result, the `way` of each input."""
 
 
 def generate(
@@ -48,7 +50,8 @@ def generate(
                 lines += _definition(name, node.function, constants)
                 lines.append(f"{computed[use]}={name}({','.join(arguments)})")
             variables[id(node)] = computed[use]
-    lines.append(_result([variables[id(derivation)] for derivation, _ in derivations]))
+    results = ",".join(variables[id(derivation)] for derivation, _ in derivations)
+    lines.append(f"y={results}" if len(derivations) == 1 else f"y=({results})")
     code = "\n".join(lines) + "\n"
     try:
         check_code(code, len(inputs), len(derivations))
@@ -68,14 +71,6 @@ def way(derivation: Derivation) -> str:
         elif function is not None:
             ways[node] = _way(_title(function), [ways[each] for each in node.inputs])
     return ways[derivation]
-
-
-class Use(NamedTuple):
-    """A relation used in a generated program: its `title`, its result, the `way` of each input."""
-
-    title: str
-    result: str
-    inputs: Tuple[str, ...]
 
 
 def ways_of(program: Program) -> Tuple[str, ...]:
@@ -100,9 +95,9 @@ def uses_of(program: Program) -> Tuple[Tuple[Use, ...], Tuple[str, ...]]:
             inputs = [ways.get(name, "") for name in names]
             if result[1] == "y":
                 return tuple(uses), tuple(inputs)
-            use = Use(*definitions.get(result[2], ("", "")), tuple(inputs))
-            ways[result[1]] = _way(use.title, inputs)
-            uses.append(use)
+            title, text = definitions.get(result[2], ("", ""))
+            ways[result[1]] = _way(title, inputs)
+            uses.append((title, text, tuple(inputs)))
         elif name in definitions:
             definitions[name] = definitions[name][0], line.strip()
     return (), ()
@@ -132,24 +127,25 @@ def fuse(derivations: Sequence[Derivation], parts: Sequence[Tuple[float, Calibra
     sum_ = " + ".join(f"{s * each.gain:.6g}*{name}" for name, (s, each) in zip(NAMES, parts))
     text = f"{sum_} {sum(share * each.offset for share, each in parts):+.6g}"
     ways = tuple(way(derivation) for derivation in derivations)
-    return Fusion(_function(f"fusion {words}", derivations[0].property, text), ways)
+    return Fusion(function_of(f"fusion {words}", derivations[0].property, text), ways)
 
 
 @lru_cache(maxsize=1000)
 def fusions_of(program: Program) -> Tuple[Fusion, ...]:
     """Return the fusions that a generated program computes."""
     found: List[Fusion] = []
-    for use in uses_of(program)[0]:
-        title = _FUSION.fullmatch(use.title)
-        if title is not None:
-            text = _INPUT.sub(lambda i: NAMES[int(i[1]) - 1], use.result.replace("return ", ""))
+    for title, result, ways in uses_of(program)[0]:
+        named = _FUSION.fullmatch(title)
+        if named is not None:
+            text = _INPUT.sub(lambda i: NAMES[int(i[1]) - 1], result.replace("return ", ""))
             with suppress(ExpressionError):
-                each = Fusion(_function(title[1], title[2], text), use.inputs)
+                each = Fusion(function_of(named[1], named[2], text), ways)
                 found += [each] if each.function.inputs == NAMES[: len(each.ways)] else []
     return tuple(found)
 
 
-def _function(relation: str, output: str, text: str) -> TransferFunction:
+def function_of(relation: str, output: str, text: str) -> TransferFunction:
+    """Return the function of a relation that is not in the ontology."""
     law = parse_law(text)
     return TransferFunction(relation, output, law.names, law, text=law.text)
 
@@ -173,19 +169,6 @@ def generate_function(function: TransferFunction, constants: Mapping[str, Consta
     inputs = tuple(Derivation(source.property, source, None) for source in sources)
     derivation = Derivation(function.output, None, function, inputs)
     return generate([(derivation, "/output/data")], constants)
-
-
-def generate_values(values: Sequence[Tuple[Source, float]]) -> Program:
-    """Return the program that gives each of some sources a fixed value."""
-    parts: List[Tuple[Derivation, str]] = []
-    for source, value in values:
-        function = _function("safe value", source.property, repr(value))
-        parts.append((Derivation(source.property, None, function), source.output))
-    return generate(parts, {})
-
-
-def _result(variables: Sequence[str]) -> str:
-    return "y=" + (variables[0] if len(variables) == 1 else f"({','.join(variables)})")
 
 
 def inputs_of(derivations: Sequence[Derivation]) -> Tuple[Source, ...]:

@@ -8,7 +8,7 @@ from math import prod
 from typing import Collection, Iterable, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.choice import listing
-from shsa_core.codegen.generator import generate, generate_values, inputs_of
+from shsa_core.codegen.generator import function_of, generate, inputs_of
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import GenerationError, ModelError, NoSubstitute, ShsaError, listed
 from shsa_core.model.error import Error, refusal
@@ -221,7 +221,9 @@ def safe_values(service: Service) -> Optional[Plan]:
     outputs = tuple(source for source in service.sources if source.property in values)
     if not outputs or service.unwritable or read_alone(service):
         return None
-    program = generate_values([(source, values[source.property]) for source in outputs])
+    fixed = lambda name: function_of("safe value", name, repr(values[name]))
+    parts = [(Derivation(s.property, None, fixed(s.property)), s.output) for s in outputs]
+    program = generate(parts, {})
     return Plan(service.name, program, (), outputs, 0.0, (), False, (), (None,) * len(outputs))
 
 

@@ -75,7 +75,7 @@ class Predictor:
         self._usual: Dict[str, Error] = {}
         self._best: Dict[str, float] = {}  # the highest quality of a property's services
         self._ranges: Dict[str, Tuple[float, float]] = {}
-        self._baselines: Dict[str, float] = {}
+        self.baselines: Dict[str, float] = {}  # the RMS error of always saying the mean
         self._steps: Dict[int, Optional[Step]] = {}  # by function
         self._functions: Dict[int, Optional[TransferFunction]] = {}  # they live on, with their ids
         self._numbers: Dict[Tuple[object, ...], int] = {}  # of what is derived in the same way
@@ -86,7 +86,7 @@ class Predictor:
         known = [(each.property, each.provision.error) for each in sources]
         for name, error in [*((each.output, each.error) for each in ontology.functions), *known]:
             if error is not None and error.baseline is not None:
-                self._baselines[name] = max(error.baseline, self._baselines.get(name, 0.0))
+                self.baselines[name] = max(error.baseline, self.baselines.get(name, 0.0))
         for source in sources:
             name, error = source.property, source.provision.error
             self._best[name] = max(source.quality, self._best.get(name, 0.0))
@@ -98,10 +98,6 @@ class Predictor:
             if property_.usual is not None:
                 self._ranges[name] = property_.usual
 
-    def baseline(self, name: str) -> Optional[float]:
-        """Return the RMS error of always saying the mean of a property; None: not known."""
-        return self._baselines.get(name)
-
     def knowing(self, measured: Mapping[str, Error], fusions: Sequence[Fusion] = ()) -> "Predictor":
         """Return it with errors that were `measured`, by their `way`, and proven fusions."""
         found = copy(self)
@@ -111,7 +107,7 @@ class Predictor:
     def measured(self, derivation: Derivation) -> Optional[Error]:
         """Return the error of a derivation that was measured; None: it was not."""
         found = self._measured.get(way(derivation)) if self._measured else None
-        return found and replace(found, baseline=self.baseline(derivation.property))
+        return found and replace(found, baseline=self.baselines.get(derivation.property))
 
     def of(self, derivations: Sequence[Derivation]) -> List[Optional[Error]]:
         """Return the error of each derivation as measured, else as expected; None: not known."""
@@ -149,7 +145,7 @@ class Predictor:
         part = self._parts[numbers[derivation]]
         if part is None:
             return None
-        baseline = self.baseline(derivation.property)
+        baseline = self.baselines.get(derivation.property)
         if part.told is not None:
             told = part.told
             baseline = told.baseline or baseline

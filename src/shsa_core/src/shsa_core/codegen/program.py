@@ -7,12 +7,14 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 from shsa_core.codegen.checked_code import CheckedCode, CheckedRelation, check_code
 from shsa_core.errors import CodeError
 from shsa_core.language.functions import CONSTANTS, ELAPSED, FILTER, FUNCTIONS, STATEFUL
-from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, previous, unwrapped
-from shsa_core.language.trees import literal, name_nodes, row
+from shsa_core.language.memory import MAX_GAP_S, Memory, derivative, integral, longest_gap, previous
+from shsa_core.language.memory import unwrapped
+from shsa_core.language.trees import literal, row
+from shsa_core.model.field import is_angle
 
 INTEGRAL, DERIVATIVE = "integral", "derivative"
-MemoryOf = Callable[[str], Tuple[str, str]]
-"""Make a memory for one use of a stateful function; return its name and its value's."""
+Remembered = Callable[[str, List[ast.expr]], ast.expr]
+"""Return what stands for the call of a stateful function, by its name and arguments."""
 Step = Callable[..., Optional[Tuple[float, ...]]]
 Over = Optional[Tuple[float, float]]
 Correct = Optional[Callable[[int, float], float]]
@@ -41,22 +43,37 @@ class CompiledProgram:
 
 
 def compile_program(
-    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S, **how: Any
+    code: str, n_inputs: int, n_outputs: int, max_gap: float = MAX_GAP_S
 ) -> CompiledProgram:
-    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError.
+    """Check the code and compile it; memories start anew after `max_gap` s. Raises CodeError."""
+    return _Compiler(max_gap).compile(check_code(code, n_inputs, n_outputs))
 
-    `how`: `correct` gets an output's number and value, and returns what all else is computed from;
-    derivatives are taken `over` so many s, from and to; inputs are `angles`, or not: derivatives
-    and filters of them go the shorter way.
+
+def compile_periodic(
+    code: str,
+    inputs: Sequence[Tuple[str, Optional[float]]],
+    n_outputs: int,
+    period: Optional[float],
+    correct: Correct = None,
+) -> CompiledProgram:
+    """Compile code that is evaluated once a `period`, in s; `inputs`: the field and period of each.
+
+    Derivatives are taken over half a period at least, as shorter ones are wild; those of angles,
+    and filters, go the shorter way. `correct` gets an output's number and value, and returns what
+    all else is computed from.
     """
-    return _Compiler(max_gap, **how).compile(check_code(code, n_inputs, n_outputs))
+    gap = longest_gap(period)
+    slowest = max((each or 0.0 for _, each in inputs), default=0.0)
+    over = 0.5 * (period or 0.0), max(gap, longest_gap(slowest))
+    angles = [is_angle(field) for field, _ in inputs]
+    return _Compiler(gap, correct, over, angles).compile(check_code(code, len(inputs), n_outputs))
 
 
 def compile_steady(code: str, n_inputs: int, n_outputs: int) -> Optional[Step]:
     """Compile what the code gives once its inputs stand still; None: it needs changes."""
     checked = check_code(code, n_inputs, n_outputs)
     moving = {ELAPSED, *(name for name, each in STATEFUL.items() if not each.rests)}
-    if not moving.isdisjoint(_names(checked)):
+    if not all(moving.isdisjoint(each.names) for each in checked.relations):
         return None
     return _Compiler(None).compile(checked).step
 
@@ -71,31 +88,22 @@ class Fill(ast.NodeTransformer):
         return self._parts.get(node.id, node)
 
 
-class Inline(ast.NodeTransformer):
-    """Rewrites the expressions of one relation over the program's variables.
+class _Inline(ast.NodeTransformer):
+    """Rewrites the expressions of one relation over the program's `variables`.
 
     Operations in a row are taken one after the other: they may be deeper than calls may be.
-
-    `calls`: variables, and the stateful calls that give their values; `ready`: the variables that
-    must have values before the relation has one. Without `memory_of` a stateful call is its first
-    argument, which it becomes once all arguments stand still.
     """
 
-    def __init__(self, arguments: Mapping[str, str], memory_of: Optional[MemoryOf]) -> None:
-        self.variables = dict(arguments)
-        self._memory_of = memory_of
-        self.calls: List[Tuple[str, ast.Call]] = []
-        self.ready: List[str] = []
-        self.uses_time = False
+    def __init__(self, variables: Mapping[str, str], remembered: Remembered) -> None:
+        self._variables, self._remembered = variables, remembered
 
     def visit_Constant(self, node: ast.Constant) -> ast.expr:
         return ast.Constant(float(node.value))
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        self.uses_time = self.uses_time or node.id == ELAPSED
         if node.id in CONSTANTS:
             return ast.Constant(CONSTANTS[node.id])
-        return ast.Name(self.variables.get(node.id, node.id), ast.Load())
+        return _variable(self._variables.get(node.id, node.id))
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         first, operations = row(node)
@@ -104,7 +112,7 @@ class Inline(ast.NodeTransformer):
             right = self.visit(each.right)
             exponent = literal(right) if isinstance(each.op, ast.Pow) else 0.0
             if exponent is None or exponent != math.floor(exponent):
-                result = ast.Call(ast.Name("power", ast.Load()), [result, right], [])
+                result = _call("power", result, right)
             else:
                 result = ast.BinOp(result, each.op, right)
         return result
@@ -112,14 +120,7 @@ class Inline(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.expr:
         self.generic_visit(node)
         assert isinstance(node.func, ast.Name)
-        if node.func.id not in STATEFUL:
-            return node
-        if self._memory_of is None:
-            return node.args[0]
-        memory, result = self._memory_of(node.func.id)
-        arguments = [*node.args, ast.Name("now", ast.Load())]
-        self.calls.append((result, ast.Call(ast.Name(memory, ast.Load()), arguments, [])))
-        return ast.Name(result, ast.Load())
+        return self._remembered(node.func.id, node.args) if node.func.id in STATEFUL else node
 
 
 class _Compiler:
@@ -140,7 +141,6 @@ class _Compiler:
         self._sums: Dict[str, List[float]] = {}  # of integrals, by the variable that holds them
         self._parts: Dict[str, ast.expr] = {}
         self._angles = {f"t{number}" for number, turns in enumerate(angles) if turns}
-        self._functions: Dict[str, str] = {}  # by the variable that holds the value
         self._times: Dict[str, Set[str]] = {"now": {"now"}, ELAPSED: {"now"}}  # of variables
         self._timed = False
         self._names: Dict[str, Any] = {"__builtins__": {}, "power": math.pow, "nan": math.nan}
@@ -159,7 +159,7 @@ class _Compiler:
         outputs = enumerate(code.outputs if self._names["correct"] else ())
         correct = {name: [f"  {name} = correct({n}, {name})"] for n, name in outputs}
         lines += [line for name in inputs for line in correct.get(name, ())]
-        if ELAPSED in _names(code):
+        if any(ELAPSED in each.names for each in code.relations):
             lines.append(f"  {ELAPSED} = now - {self._remember(previous(self._max_gap))}(now, now)")
         for relation in code.relations:
             lines += ["  " + line for line in self._relation(relation)]
@@ -184,64 +184,73 @@ class _Compiler:
 
     def _relation(self, relation: CheckedRelation) -> List[str]:
         """Return the lines that give the relation its value; each step is evaluated for itself."""
-        inline = Inline(relation.arguments, None if self._steady else self.memory_of)
-        constraint = inline.visit(relation.constraint) if relation.constraint else None
-        lines = self._take_calls(inline)
+        lines: List[str] = []
+        ready: List[str] = []  # the variables that must have values before the relation has one
+        variables, timed = dict(relation.arguments), ELAPSED in relation.names
+
+        def evaluate(name: str, tree: ast.expr) -> None:
+            used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+            needed = [each for each in ready if each in used]
+            lines.extend([f"{name} = nan", *self._assign(name, tree, needed)])
+            ready.append(name)
+
+        def remembered(function: str, arguments: List[ast.expr]) -> ast.expr:
+            if self._steady:
+                return arguments[0]  # which it becomes once all of them stand still
+            name, call = self._memory_of(function, arguments)
+            evaluate(name, call)
+            return _variable(name)
+
+        visit = _Inline(variables, remembered).visit
+        constraint = visit(relation.constraint) if relation.constraint else None
         for number, (name, tree) in enumerate(relation.steps, 1):
-            variable = f"{relation.result}_{number}"
-            value = inline.visit(tree)
-            lines += self._take_calls(inline)
-            lines += self._assign(variable, value, inline.ready)
-            inline.ready.append(variable)
-            inline.variables[name] = variable
-        expression = inline.visit(relation.expression)
-        lines += self._take_calls(inline)
+            evaluate(f"{relation.result}_{number}", visit(tree))
+            variables[name] = ready[-1]
+        expression = visit(relation.expression)
         if isinstance(expression, ast.Name) and expression.id in self._sums:
             self._sums[relation.result] = self._sums.pop(expression.id)
-        ready = inline.ready + ([ELAPSED] if inline.uses_time else [])
-        conditions = [_finite(ready)] if ready else []
-        if constraint is not None:
-            conditions.append(self._part(constraint))
-        holds = f"if {' and '.join(conditions)}: " if conditions else ""
-        lines += _attempt(f"{holds}{relation.result} = {self._part(expression)}")
+        ready += [ELAPSED] if timed else []
+        holds = [] if constraint is None else [self._part(constraint)]
+        lines += self._assign(relation.result, expression, ready, holds)
         if relation.arguments:
             guard = f"if {_finite(relation.arguments.values())}:"
             lines = [guard] + ["  " + line for line in lines]
-        self._times[relation.result] = self._times_of(expression)
-        self._angles.update([relation.result] if self._turns(expression) else ())
         return [f"{relation.result} = nan"] + lines
 
-    def _take_calls(self, inline: Inline) -> List[str]:
-        """Evaluate the stateful calls met since the last time, each into its variable."""
-        lines: List[str] = []
-        for name, call in inline.calls:
-            lines += self._assign(name, self._call(name, call), inline.ready)
-            inline.ready.append(name)
-        inline.calls.clear()
-        return lines
-
-    def _assign(self, name: str, tree: ast.expr, ready: Sequence[str]) -> List[str]:
-        """Evaluate the tree into a variable, if those of `ready` that it uses have values."""
-        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    def _assign(
+        self, name: str, tree: ast.expr, needed: Sequence[str], holds: Sequence[str] = ()
+    ) -> List[str]:
+        """Evaluate the tree into a variable where those `needed` have values, and all `holds`."""
         self._angles.update([name] if self._turns(tree) else ())
-        needed = [each for each in ready if each in used]
         self._times[name] = self._times_of(tree)
-        holds = f"if {_finite(needed)}: " if needed else ""
-        return [f"{name} = nan", *_attempt(f"{holds}{name} = {self._part(tree)}")]
+        conditions = " and ".join([*([_finite(needed)] if needed else []), *holds])
+        guard = f"if {conditions}: " if conditions else ""
+        line = f"  {guard}{name} = {self._part(tree)}"
+        return ["try:", line, "except (ArithmeticError, ValueError): pass"]  # it has no value
 
-    def _call(self, name: str, call: ast.Call) -> ast.expr:
-        """Return the stateful call that gives a variable its value: of its time, by its turns."""
-        function, (value, *_) = self._functions[name], call.args
-        if function == DERIVATIVE:
-            call.args[-1] = self._moment(value)
-        if function not in (DERIVATIVE, FILTER) or not self._turns(value):
-            return call
-        follow = ast.Name(self._remember(unwrapped()), ast.Load())
-        call.args[0] = ast.Call(follow, [value], [])
-        if function == DERIVATIVE:
-            return call
-        self._angles.add(name)
-        return ast.Call(ast.Name("wrapped", ast.Load()), [call], [])
+    def _memory_of(self, function: str, arguments: Sequence[ast.expr]) -> Tuple[str, ast.expr]:
+        """Make a memory for one use of a stateful function; return its value's name, and the call.
+
+        A derivative is by the time of its value. It and a filter follow an angle by its turns.
+        """
+        (value, *others), now = arguments, _variable("now")
+        turns = function in (DERIVATIVE, FILTER) and self._turns(value)
+        total = [0.0]
+        if function == INTEGRAL:
+            memory = self._remember(integral(self._max_gap, total))
+            self._sums[f"value_of{memory}"] = total
+        elif function == DERIVATIVE:
+            memory = self._remember(derivative(self._over[1], self._over[0]))
+            now = self._moment(value)
+        else:
+            memory = self._remember(STATEFUL[function].call(self._max_gap))
+        if turns:
+            value = _call(self._remember(unwrapped()), value)
+        name, call = f"value_of{memory}", _call(memory, value, *others, now)
+        if turns and function == FILTER:
+            self._angles.add(name)
+            call = _call("wrapped", call)
+        return name, call
 
     def _turns(self, tree: ast.expr) -> bool:
         """Tell if a value is an angle, or a sum with one: it means the same after a turn."""
@@ -276,28 +285,13 @@ class _Compiler:
         self._names[name] = memory
         return name
 
-    def memory_of(self, function: str) -> Tuple[str, str]:
-        """Make a memory for one use of a stateful function; return its name and its value's."""
-        total = [0.0]
-        if function == INTEGRAL:
-            memory = self._remember(integral(self._max_gap, total))
-            self._sums[f"value_of{memory}"] = total
-        elif function == DERIVATIVE:
-            memory = self._remember(derivative(self._over[1], self._over[0]))
-        else:
-            memory = self._remember(STATEFUL[function].call(self._max_gap))
-        self._functions[f"value_of{memory}"] = function
-        return memory, f"value_of{memory}"
+
+def _variable(name: str) -> ast.expr:
+    return ast.Name(name, ast.Load())
 
 
-def _names(code: CheckedCode) -> Set[str]:
-    trees = [tree for relation in code.relations for tree in relation.trees]
-    return {node.id for tree in trees for node in name_nodes(tree)}
-
-
-def _attempt(line: str) -> List[str]:
-    """Return what runs a line, which ends where something has no value."""
-    return ["try:", "  " + line, "except (ArithmeticError, ValueError): pass"]
+def _call(function: str, *arguments: ast.expr) -> ast.expr:
+    return ast.Call(ast.Name(function, ast.Load()), list(arguments), [])
 
 
 def _finite(names: Iterable[str]) -> str:

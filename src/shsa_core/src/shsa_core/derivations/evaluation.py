@@ -8,8 +8,8 @@ from math import inf, isfinite
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
-from shsa_core.codegen.program import Step, compile_program
-from shsa_core.language.memory import longest_gap, sample_times, spans
+from shsa_core.codegen.program import Step, compile_periodic
+from shsa_core.language.memory import sample_times
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import difference, is_angle
@@ -234,10 +234,8 @@ class Derivations:
                     output.derivation, output.stated = derivation, stated
                 return each
         period, code = plan.outputs[0].service.period, plan.program.code
-        over = spans(period, (source.service.period for source in plan.inputs))
-        size = len(plan.inputs), len(plan.outputs)
-        turn = [is_angle(source.provision.field) for source in plan.inputs]
-        program = compile_program(code, *size, longest_gap(period), over=over, angles=turn)
+        inputs = [(each.provision.field, each.service.period) for each in plan.inputs]
+        program = compile_periodic(code, inputs, len(plan.outputs), period)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
         outputs = tuple(map(Output, plan.outputs, plan.derivations, plan.errors, integrates))
         made = FollowedPlan(plan, outputs, program.step, program.remembers)

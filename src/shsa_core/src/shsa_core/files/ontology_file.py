@@ -6,7 +6,7 @@ from typing import Optional, Sequence, Set, Tuple
 from shsa_core.errors import ExpressionError, ModelError, ModelErrors
 from shsa_core.files.document import Value, read_yaml
 from shsa_core.files.keys import CONSTANT, FUNCTION, ONTOLOGY, PROPERTY
-from shsa_core.files.readers import read_entry, read_keys
+from shsa_core.files.readers import parsed, read_entry, read_keys
 from shsa_core.language.expression import Expression, Law, compose
 from shsa_core.language.expression import parse_constraint, parse_expression
 from shsa_core.language.syntax import NAMING, is_name
@@ -55,12 +55,9 @@ class _Place(NamedTuple):
             if len(value.data) != self.length:
                 raise value.error(f"{key} must have {self.length} items, not {len(value.data)}")
             value = value.data[self.place]
-        text = value.string(key)
-        try:
-            known = self.vectors
-            return parse(unfold(text, known, self.length, self.place) if known else text)
-        except ExpressionError as error:
-            raise value.error(f"{key}: {error}") from error
+        known = self.vectors
+        made = lambda text: parse(unfold(text, known, self.length, self.place) if known else text)
+        return parsed("expression", made).read(value, key)
 
     def read_all(self, values: Mapping[str, Value], key: str) -> Dict[str, Expression]:
         return {name: self.read(value, f"{key}: {name}") for name, value in values.items()}

@@ -122,6 +122,7 @@ def number_in(
     highest: float,
     form: str,
     words: Mapping[Union[bool, str], Optional[float]] = MappingProxyType({}),
+    whole: bool = False,
 ) -> Reader:
     """Return a reader of a number within limits, or of a word that stands for something."""
 
@@ -129,8 +130,8 @@ def number_in(
         data = value.data
         if isinstance(data, (bool, str)) and data in words:
             return words[data]
-        if isinstance(data, float) and lowest <= data <= highest:
-            return data
+        if isinstance(data, float) and lowest <= data <= highest and not (whole and data % 1.0):
+            return int(data) if whole else data
         raise ValueError
 
     return _reader(form, form, make)
@@ -143,15 +144,7 @@ share = number_in(ABOVE_0, 1.0, "above 0 and at most 1")
 
 def whole_number(highest: int, lowest: int = 1) -> Reader:
     """Return a reader of a whole number."""
-    form = f"a whole number from {lowest} to {highest}"
-
-    def make(value: Value) -> int:
-        data = value.data
-        if isinstance(data, float) and lowest <= data <= highest and data == int(data):
-            return int(data)
-        raise ValueError
-
-    return _reader(form, form, make)
+    return number_in(lowest, highest, f"a whole number from {lowest} to {highest}", whole=True)
 
 
 def matching(pattern: "re.Pattern[str]", example: str) -> Reader:

@@ -7,7 +7,7 @@ import collections.abc
 import dataclasses
 import enum
 import json
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf, isfinite, nan
 from operator import attrgetter
 from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
@@ -143,20 +143,19 @@ def _reader(hint: Any) -> Read:
     if origin is Union:
         return _read_union(arguments)
     if origin is tuple and arguments[-1] is not Ellipsis:
-        return _read_fixed([_reader(each) for each in arguments])
+        return partial(_read_fixed, [_reader(each) for each in arguments])
     if origin in (tuple, collections.abc.Sequence):
-        return _read_many(_reader(arguments[0]))
+        return partial(_read_many, tuple, _reader(arguments[0]))
     if origin is frozenset and arguments[0] in (str, int):
-        many = _read_many(_reader(arguments[0]))
-        return lambda data, path: frozenset(many(data, path))
+        return partial(_read_many, frozenset, _reader(arguments[0]))
     if origin is collections.abc.Mapping and arguments[0] is str:
-        return _read_named(_reader(arguments[1]))
+        return partial(_read_named, _reader(arguments[1]))
     if hint is float:
         return _read_float
     if hint in _PLAIN:
         return lambda data, path: _expect(hint, data, path, f"a value of the type {hint.__name__}")
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        return _read_enum(hint)
+        return partial(_read_enum, {member.value: member for member in hint})
     if dataclasses.is_dataclass(hint):
         return _read_object([hint])
     raise TypeError(f"a journal has no form for {hint}")
@@ -229,41 +228,27 @@ def _read_float(data: Any, path: str) -> Any:
     return data
 
 
-def _read_enum(type_: Any) -> Read:
-    members = {member.value: member for member in type_}
-
-    def read(data: Any, path: str) -> Any:
-        if type(data) not in (str, int) or data not in members:
-            raise _refusal(path, f"one of {', '.join(map(str, members))}", data)
-        return members[data]
-
-    return read
+def _read_enum(members: Mapping[Any, Any], data: Any, path: str) -> Any:
+    if type(data) not in (str, int) or data not in members:
+        raise _refusal(path, f"one of {', '.join(map(str, members))}", data)
+    return members[data]
 
 
-def _read_many(each: Read) -> Read:
-    def read(data: Any, path: str) -> Any:
-        items = enumerate(_expect(list, data, path, "a list"))
-        return tuple([each(item, f"{path}[{n}]") for n, item in items])
-
-    return read
+def _read_many(kind: Any, each: Read, data: Any, path: str) -> Any:
+    items = enumerate(_expect(list, data, path, "a list"))
+    return kind([each(item, f"{path}[{n}]") for n, item in items])
 
 
-def _read_fixed(places: Sequence[Read]) -> Read:
-    def read(data: Any, path: str) -> Any:
-        if type(data) is not list or len(data) != len(places):
-            raise _refusal(path, f"a list of {len(places)}", data)
-        pairs = enumerate(zip(places, data))
-        return tuple(place(each, f"{path}[{n}]") for n, (place, each) in pairs)
-
-    return read
+def _read_fixed(places: Sequence[Read], data: Any, path: str) -> Any:
+    if type(data) is not list or len(data) != len(places):
+        raise _refusal(path, f"a list of {len(places)}", data)
+    pairs = enumerate(zip(places, data))
+    return tuple(place(each, f"{path}[{n}]") for n, (place, each) in pairs)
 
 
-def _read_named(each: Read) -> Read:
-    def read(data: Any, path: str) -> Any:
-        items = _expect(dict, data, path, "an object").items()
-        return {name: each(item, f"{path}.{name}") for name, item in items}
-
-    return read
+def _read_named(each: Read, data: Any, path: str) -> Any:
+    items = _expect(dict, data, path, "an object").items()
+    return {name: each(item, f"{path}.{name}") for name, item in items}
 
 
 def _made(type_: type, make: Callable[[], Any], path: str) -> Any:

@@ -67,22 +67,14 @@ class JournalWriter:
         """Return what handles an event, with the event and its answer recorded."""
 
         def recorded(event: Any) -> Sequence[Any]:
-            self.record(event)
+            if self.recording:
+                self._waiting.append(event)
             commands = handle(event)
-            self.answered(commands)
+            if self.recording and commands:
+                self._waiting.append(list(commands))
             return commands
 
         return recorded
-
-    def record(self, event: Any) -> None:
-        """Record an event; to be called before the machine handles it. Raises nothing."""
-        if self.recording:
-            self._waiting.append(event)
-
-    def answered(self, commands: Sequence[Any]) -> None:
-        """Record the commands that answer the last event. Raises nothing."""
-        if self.recording and commands:
-            self._waiting.append(list(commands))
 
     def close(self) -> None:
         """Write what is left, and that the recording was ended in order."""

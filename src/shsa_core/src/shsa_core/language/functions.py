@@ -1,6 +1,6 @@
 """The functions that expressions may use: a fixed list, and nothing else.
 
-To add one, add a row to the table, and a row to those of units and ranges in shsa_learning.
+To add one, add a row to one of the tables, and a row to those of units and ranges in shsa_learning.
 """
 import math
 from bisect import bisect_right
@@ -32,8 +32,8 @@ class Function:
 
     `takes` names its arguments, which `call` gets as floats, and `tells` its result, a float. After
     "..." come more of them, a multiple of `each`; `fewest`, if they may be fewer than are named.
-    For a `stateful` function, `call` takes the longest gap in s and makes the Memory of one use;
-    `rests`: its result becomes its first argument once all arguments have stood still for long.
+    Of a stateful one, `call` takes the longest gap in s and makes the Memory of one use; `rests`:
+    its result becomes its first argument once all arguments have stood still for long.
     """
 
     takes: str
@@ -42,7 +42,6 @@ class Function:
     each: int = 1
     fewest: Optional[int] = None
     fixed: Optional[Fixed] = None
-    stateful: bool = False
     rests: bool = False
 
     @property
@@ -131,7 +130,7 @@ _ORDERED = Fixed(slice(1, 3), ordered, must=False)
 _DELAY = Fixed(slice(1, 2), _above_zero)
 
 
-CALLS: Mapping[str, Function] = {
+FUNCTIONS: Mapping[str, Function] = {
     "abs": Function("x", "the size of x", abs),
     "sign": Function("x", "-1, 0 or 1", sign),
     "min": Function("x, y, ...", "the smallest", min),
@@ -169,37 +168,22 @@ CALLS: Mapping[str, Function] = {
         2,
         fixed=_INCREASING,
     ),
+}
+STATEFUL: Mapping[str, Function] = {
     "derivative": Function(
-        "x",
-        "the change of x since its sample before, per second",
-        memory.derivative,
-        stateful=True,
+        "x", "the change of x since its sample before, per second", memory.derivative
     ),
     "integral": Function(
-        "x",
-        "the area under x since the start, in seconds times x",
-        memory.integral,
-        stateful=True,
+        "x", "the area under x since the start, in seconds times x", memory.integral
     ),
-    "previous": Function(
-        "x", "x at the evaluation before", memory.previous, stateful=True, rests=True
-    ),
+    "previous": Function("x", "x at the evaluation before", memory.previous, rests=True),
     "lowpass": Function(
         "x, tau",
         "x behind a filter of first order with the time constant tau, in s",
         memory.lowpass,
-        stateful=True,
         rests=True,
     ),
-    "delay": Function(
-        "x, T",
-        "x as it was T seconds ago",
-        memory.delay,
-        fixed=_DELAY,
-        stateful=True,
-        rests=True,
-    ),
+    "delay": Function("x, T", "x as it was T seconds ago", memory.delay, fixed=_DELAY, rests=True),
 }
-FUNCTIONS = {name: each for name, each in CALLS.items() if not each.stateful}
-STATEFUL = {name: each for name, each in CALLS.items() if each.stateful}
+CALLS: Mapping[str, Function] = {**FUNCTIONS, **STATEFUL}
 RESERVED = frozenset([*CONSTANTS, ELAPSED, *CALLS, "require"])

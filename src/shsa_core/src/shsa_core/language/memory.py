@@ -25,12 +25,6 @@ def longest_gap(period: Optional[float]) -> float:
     return math.inf if period is None else max(MAX_GAP_S, GAP_PERIODS * period)
 
 
-def spans(period: Optional[float], inputs: Iterable[Optional[float]]) -> Tuple[float, float]:
-    """Return the times in s over which derivatives are taken, from and to; shorter are wild."""
-    slowest = max((each or 0.0 for each in inputs), default=0.0)
-    return 0.5 * (period or 0.0), max(longest_gap(period), longest_gap(slowest))
-
-
 def sample_times(came: Iterable[Optional[float]], now: float) -> Tuple[float, ...]:
     """Return when samples came, in s; None: a value that holds until the next one.
 

@@ -192,7 +192,7 @@ class _Checker:
         if function is None:
             hint = nearest(name, CALLS)
             raise ExpressionError(f"there is no function '{name}'{hint}; allowed: {_LANGUAGE}")
-        if function.stateful and not always:
+        if name in STATEFUL and not always:
             raise ExpressionError(
                 f"{name}(...) stands where it is not evaluated every time, so it would miss "
                 "samples; give it a property and a relation of its own"

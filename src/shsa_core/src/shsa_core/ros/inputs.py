@@ -4,7 +4,7 @@ Muted, most of it never matters: to wake for each message would be most of what 
 So it is read when the core wakes anyway, many at once, each with the time at which it had come; and
 of what nobody reads yet the newest is kept, and decoded once somebody does.
 """
-from typing import Dict, Iterable, List, Optional, Set, Tuple
+from typing import Callable, Dict, Iterable, List, Optional, Set, Tuple
 
 import rospy
 
@@ -15,7 +15,7 @@ from shsa_core.ros import clock
 from shsa_core.ros.messages.fields import stamp
 from shsa_core.ros.processes import priority
 from shsa_core.ros.sockets.subscriptions import Arrived, Subscriptions
-from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard
+from shsa_core.substitution.events import Event, InputArrived, OtherGone, OtherHeard, Overhear
 
 
 class Inputs:
@@ -28,6 +28,8 @@ class Inputs:
         self._rests = rests
         self._subscriptions = Subscriptions(robot_clock.now, _refused, self._wakes)
         self._inbox = self._subscriptions.inbox
+        self.put: Callable[[Event], None] = self._inbox.put  # from any thread
+        self.wait = self._inbox.wait  # of the one that reads
         self._hurries = True
         self._types: Dict[str, str] = {}
         self._fields: Dict[str, Tuple[str, ...]] = {}
@@ -37,10 +39,6 @@ class Inputs:
         self._last: Dict[str, Tuple[str, bytes]] = {}  # by topic: from whom, and what
 
     # From any thread.
-
-    def put(self, event: Event) -> None:
-        """Add an event and wake the reader."""
-        self._inbox.put(event)
 
     def read(self, topics: Iterable[str]) -> None:
         """Have these topics read by a program, and not just prepared for."""
@@ -57,12 +55,13 @@ class Inputs:
             self._fields[signal.topic] = (*fields, signal.field)
         self._subscribe(signal.topic, signal.type)
 
-    def overhear(self, topic: str, kind: str, provider: str = "") -> None:
+    def overhear(self, command: Overhear) -> None:
         """Hear what others publish on a topic; keep the last message of one, or of any."""
+        topic, provider = command.topic, command.provider
         self._overheard[topic] = provider
         if provider not in ("", self._last.get(topic, ("", b""))[0]):
             self._last.pop(topic, None)
-        self._subscribe(topic, kind)
+        self._subscribe(topic, command.type)
         self._inbox.put(None)
 
     def _subscribe(self, topic: str, kind: str) -> None:
@@ -71,10 +70,6 @@ class Inputs:
             self._subscriptions.subscribe(topic)
 
     # From the reading thread.
-
-    def wait(self, timeout: float) -> None:
-        """Sleep for at most `timeout` s, or until there is something that matters."""
-        self._inbox.wait(timeout)
 
     def take(self, reads: bool) -> List[Event]:
         """Return what has come so far, in order; inputs that were kept only if it `reads` now.

@@ -13,7 +13,7 @@ from shsa_core.ros import settings
 from shsa_core.ros.messages.fields import read_message
 from shsa_core.ros.rospy_patches.publishing import advertise, connections_of, send
 from shsa_core.substitution.composing import compose, normalize, quaternions
-from shsa_core.substitution.events import Compose, Publish
+from shsa_core.substitution.events import Advertise, Compose, Publish
 
 
 class Outputs(rospy.SubscribeListener):
@@ -33,12 +33,12 @@ class Outputs(rospy.SubscribeListener):
         self._composed: Dict[str, _Composed] = {}
         self._lock = threading.Lock()
 
-    def advertise(self, topic: str, kind: str, latched: bool = False) -> None:
+    def advertise(self, command: Advertise) -> None:
         """Register as a publisher; waits for the master."""
         # Who joins is served by the core: once muted, rospy would send what is old.
-        headers = {"latching": "1"} if latched else None
-        size = settings.CONSUMER_QUEUE
-        publisher = advertise(topic, message_class(kind), size, self, headers)
+        headers = {"latching": "1"} if command.latched else None
+        topic, kind = command.topic, message_class(command.type)
+        publisher = advertise(topic, kind, settings.CONSUMER_QUEUE, self, headers)
         with self._lock:
             self._publishers[topic] = publisher
             self._advertised(topic)

@@ -4,7 +4,7 @@ import sys
 import threading
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
-from typing import Callable, Iterable, Iterator, List, Optional, Sequence, Set, Union
+from typing import Callable, Iterable, Iterator, Optional, Sequence, Set, Union
 
 import rospy
 from shsa_msgs import msg
@@ -48,7 +48,8 @@ class SubstituteNode:
         self._clock = clock.RobotClock()
         self._name = row.node
         self._row = row
-        self._rows = RowReader(row.node, row.idle)
+        self._idle = row.idle
+        self._listed: Set[str] = set()  # the keys of its rows in the table
         path = os.environ.get(secret.VARIABLE, "")
         self._signing = Signing(path, make=False) if path else None
         self._core: Union[machine.Substitute, sharing.Sharing] = (
@@ -72,27 +73,20 @@ class SubstituteNode:
         self._telling = Workers("telling")
         self._calls = Workers("calls")
         self._originals = Originals()
+        register, inputs, outputs = self._registrations.put, self._inputs, self._outputs
         self._carry_out: Table[None] = table(
             events.Command,
             {
-                events.Listen: lambda c: self._registrations.put(
-                    c.signal.topic, lambda: self._inputs.listen(c.signal)
-                ),
-                events.Overhear: lambda c: self._registrations.put(
-                    c.topic, lambda: self._inputs.overhear(c.topic, c.type, c.provider)
-                ),
-                events.Advertise: lambda c: self._registrations.put(
-                    c.topic, lambda: self._outputs.advertise(c.topic, c.type, c.latched)
-                ),
-                events.Withdraw: lambda c: self._registrations.put(
-                    c.topic, lambda: self._outputs.withdraw(c.topic)
-                ),
+                events.Listen: lambda c: register(c.signal.topic, partial(inputs.listen, c.signal)),
+                events.Overhear: lambda c: register(c.topic, partial(inputs.overhear, c)),
+                events.Advertise: lambda c: register(c.topic, partial(outputs.advertise, c)),
+                events.Withdraw: lambda c: register(c.topic, partial(outputs.withdraw, c.topic)),
                 events.Compose: self._compose,
                 events.Publish: self._publish,
                 events.Remind: lambda c: self._calls.put(partial(self._remind, c.topics)),
-                events.LookAtOriginal: self._look_at_original,
+                events.LookAtOriginal: lambda c: self._looks.put(partial(self._ask_original, c)),
                 events.LookAtOthers: self._look_at_others,
-                events.TakeOver: self._take_over,
+                events.TakeOver: lambda c: self._changed(row_changed(self._clock.now(), c.row)),
                 events.TellNoValue: self._tell_no_value,
                 events.GiveUp: self._give_up,
                 events.Log: lambda c: LOG[c.level]("%s: %s", self._name, c.text),
@@ -116,7 +110,7 @@ class SubstituteNode:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
             self._telling.put(self._failures)  # known before it has something to tell
-            if self._rows.idle and not self._row.shared:
+            if self._idle and not self._row.shared:
                 checked = self._signing.checked(names.FAILURES, msg.Failure)
                 hear = partial(self._signing.subscribe, names.FAILURES, checked)
                 self._telling.put(lambda: hear(self._failed))
@@ -142,11 +136,26 @@ class SubstituteNode:
     # Events, from rospy's threads.
 
     def _table(self, message: msg.Substitutions) -> None:
-        for event in self._rows.read(message, self._clock.now()):
-            self._changed(event)
+        """Tell what a table changes of its rows, and if it is idle of the plans."""
+        now = self._clock.now()
+        ours = [row for row in message.substitutions if row.node == self._name]
+        for row in _rows(ours):
+            self._listed.add(row_key(row))
+            self._idle = row.idle
+            self._changed(row_changed(now, row))
+        told = {row_key(row) for row in ours}
+        ended = self._listed.intersection(message.removed) - told
+        for key in (self._listed - told) if message.whole else ended:
+            self._listed.discard(key)
+            self._inputs.put(events.RowRemoved(now, key.partition(" ")[2], key in ended))
+        if self._idle:
+            plans = tuple(_rows(row for row in message.substitutions if not row.node))
+            problems = tuple(each for plan in plans for each in unusable(plan))
+            changed = tuple(message.removed), message.whole, problems
+            self._inputs.put(events.PlansChanged(now, plans, *changed))
 
-    def _changed(self, event: events.Event) -> None:
-        if isinstance(event, events.RowChanged) and not event.row.idle:
+    def _changed(self, event: events.RowChanged) -> None:
+        if not event.row.idle:
             self._read(event.row)
         self._inputs.put(event)
 
@@ -174,9 +183,6 @@ class SubstituteNode:
         alone = not all([each.beat(at_once=True) for each in healers])
         self._inputs.put(events.OthersStand(self._clock.now(), look, stands, alone))
 
-    def _take_over(self, command: events.TakeOver) -> None:
-        self._changed(row_changed(self._clock.now(), command.row))
-
     def _give_up(self, command: events.GiveUp) -> None:
         raise ShsaError(command.reason)
 
@@ -201,12 +207,9 @@ class SubstituteNode:
             text = "%s: telling the subscribers of %s who publishes them: %s"
             rospy.logwarn(text, self._name, ", ".join(topics), error)
 
-    def _look_at_original(self, look: events.LookAtOriginal) -> None:
-        def call() -> None:
-            served = self._originals.served_consumers(look.topic, look.original)
-            self._inputs.put(events.OriginalServes(self._clock.now(), look, served))
-
-        self._looks.put(call)
+    def _ask_original(self, look: events.LookAtOriginal) -> None:
+        served = self._originals.served_consumers(look.topic, look.original)
+        self._inputs.put(events.OriginalServes(self._clock.now(), look, served))
 
     def _tell_no_value(self, command: events.TellNoValue) -> None:
         if self._signing is None:
@@ -226,35 +229,6 @@ class SubstituteNode:
         """Return what publishes its failures; made once, where it may wait for the master."""
         assert self._signing is not None
         return SignedPublisher(self._signing, names.FAILURES, msg.Failure).publish
-
-
-class RowReader:
-    """The rows of the node `name`; one that is `idle` hears of the plans as well."""
-
-    def __init__(self, name: str, idle: bool) -> None:
-        self.idle = idle
-        self._name = name
-        self._listed: Set[str] = set()
-
-    def read(self, message: msg.Substitutions, now: float) -> List[events.Event]:
-        """Return what a table changes, `now` in s."""
-        found: List[events.Event] = []
-        ours = [row for row in message.substitutions if row.node == self._name]
-        for row in _rows(ours):
-            self._listed.add(row_key(row))
-            self.idle = row.idle
-            found.append(row_changed(now, row))
-        told = {row_key(row) for row in ours}
-        ended = self._listed.intersection(message.removed) - told
-        for key in (self._listed - told) if message.whole else ended:
-            self._listed.discard(key)
-            found.append(events.RowRemoved(now, key.partition(" ")[2], key in ended))
-        if self.idle:
-            plans = tuple(_rows(row for row in message.substitutions if not row.node))
-            problems = tuple(each for plan in plans for each in unusable(plan))
-            changed = tuple(message.removed), message.whole, problems
-            found.append(events.PlansChanged(now, plans, *changed))
-        return found
 
 
 def _rows(messages: Iterable[msg.Substitution]) -> Iterator[Substitution]:
@@ -286,8 +260,7 @@ def last_message(row: Substitution) -> Optional[events.LastMessage]:
     try:
         kind = message_class(row.outputs[0].type)
         message = read_message(kind, row.last_message)
-        fields = (signal.field for signal in row.outputs)
-        found = ((field, Field(kind, field).get(message)) for field in fields)
+        found = ((each.field, Field(kind, each.field).get(message)) for each in row.outputs)
         values = tuple((field, value) for field, value in found if value is not None)
     except ShsaError as error:
         text = f"{row.node}: the last message of {row.service} is not used: {error}"

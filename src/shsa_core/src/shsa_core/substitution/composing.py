@@ -77,12 +77,8 @@ class _Marking:
     def _marked(self, value: Any, mark: Mark, known: bool) -> Any:
         """Return a float or a list of them, as it stands where it is not computed."""
         if isinstance(value, list):
-            if mark is Mark.EMPTY and not known and self._others is Others.UNKNOWN:
-                return []
-            return [self._number(each, mark) for each in value]
-        return self._number(value, mark)
-
-    def _number(self, value: float, mark: Mark) -> float:
+            empty = mark is Mark.EMPTY and not known and self._others is Others.UNKNOWN
+            return [] if empty else [self._marked(each, mark, known) for each in value]
         if mark is Mark.ZERO or (self._others is Others.ZERO and mark is not Mark.SETTING):
             return type(value)()
         if mark is Mark.HELD:
@@ -132,11 +128,7 @@ def _messages(message: Any) -> Iterator[Tuple[str, Any]]:
 
 def _plain(written: Written) -> Dict[str, Optional[float]]:
     """Fields without the places of arrays, and angles as if they were parts of the quaternion."""
-    found: Dict[str, Optional[float]] = {}
-    for field, error in written.items():
-        path = _INDEX.sub("", _ANGLE.sub(r"\2.\1", field)).replace("/", ".")
-        found[path] = error
-    return found
+    return {_INDEX.sub("", _ANGLE.sub(r"\2.\1", field)): error for field, error in written.items()}
 
 
 def _join(path: str, name: str) -> str:

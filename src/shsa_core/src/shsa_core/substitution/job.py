@@ -1,18 +1,15 @@
 """A program at work: when it is due, what it yielded last, and the stamp of that."""
 import math
-from collections import deque
-from typing import Deque, Dict, Iterable, List, Optional, Tuple
+from collections import defaultdict, deque
+from typing import DefaultDict, Deque, Dict, Iterable, List, Optional, Tuple
 
-from shsa_core.codegen.program import compile_program
+from shsa_core.codegen.program import compile_periodic
 from shsa_core.errors import ShsaError
-from shsa_core.language.memory import longest_gap, spans
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level
 from shsa_core.model.substitution import Substitution
 from shsa_core.substitution.events import Log
 from shsa_core.substitution import settings
-
-Words = Tuple[Tuple[Tuple[str, ...], ...], str, Tuple[Tuple[str, ...], ...]]
 
 
 class Schedule:
@@ -50,11 +47,8 @@ class Job:
             named = ", ".join(row.topics) or "none"
             raise ShsaError(f"its outputs must be fields of one topic, not of {named}")
         self._take(row)
-        over = spans(self.period, (each.period for each in row.inputs))
-        turn = [is_angle(each.field) for each in row.inputs]
-        gap, size = longest_gap(self.period), (len(row.inputs), len(row.outputs))
-        correct = self._turned
-        program = compile_program(row.code, *size, gap, correct=correct, over=over, angles=turn)
+        inputs = [(each.field, each.period) for each in row.inputs]
+        program = compile_periodic(row.code, inputs, len(row.outputs), self.period, self._turned)
         self._program, self.timed = program, program.timed
         by_hand = row.publishing and not row.service  # then from 0, as documented
         sums = () if by_hand else zip(row.outputs, program.integrals)
@@ -66,11 +60,10 @@ class Job:
         self.schedule = Schedule(self.period, now)
         self.latest: Optional[Tuple[float, ...]] = None  # what it yielded last, if anything
         self._stepped = self._rests_until = -math.inf
-        self._slack = 0  # evaluations that a derivative of a derivative waits for three samples
-        if self.timed:
-            periods = [each.period or 0.0 for each in row.inputs]
-            pace = self.period or min(filter(None, periods), default=0.0)
-            self._slack = math.ceil(3.0 * max(periods) / pace) if pace else 0
+        # A derivative of a derivative waits for three samples: for so many evaluations.
+        periods = [each.period or 0.0 for each in row.inputs] if self.timed else []
+        pace = self.period or min(filter(None, periods), default=0.0)
+        self._slack = math.ceil(3.0 * max(periods, default=0.0) / pace) if pace else 0
         self._misses, self._allowed = 0, settings.FIRST_MISSES + self._slack
         self._complained = False
 
@@ -197,13 +190,11 @@ class Job:
         return value + self._shifts.get(field, 0.0)
 
 
-def words(row: Substitution) -> Words:
+def words(row: Substitution) -> Tuple[object, ...]:
     """Return what makes the program of a row: code, fields and types, but no numbers."""
-    inputs, outputs = (
-        tuple((each.topic, each.field, each.type, each.node) for each in signals)
-        for signals in (row.inputs, row.outputs)
-    )
-    return inputs, row.code, outputs
+    ends = (*row.inputs, *row.outputs)
+    named = ((each.topic, each.field, each.type, each.node) for each in ends)
+    return (row.code, len(row.inputs), *named)
 
 
 class Stamps:
@@ -215,7 +206,7 @@ class Stamps:
     """
 
     def __init__(self) -> None:
-        self._latest: Dict[str, int] = {}
+        self._latest: DefaultDict[str, int] = defaultdict(int)  # by topic; 0: none yet
         self._ahead: Optional[int] = None  # ROS time less the clock of the events
 
     def clock(self, time: float, ros_time: int) -> None:
@@ -225,20 +216,16 @@ class Stamps:
 
     def begin(self, topic: str, stamp: int) -> None:
         """The last good message of a topic had this stamp."""
-        self._latest[topic] = max(stamp, self._latest.get(topic, 0))
+        self._latest[topic] = max(stamp, self._latest[topic])
 
     def time(self, stamp: int) -> Optional[float]:
         """Return when a stamp was, by the clock of the events; None: not known."""
         return (stamp - self._ahead) / 1e9 if stamp and self._ahead is not None else None
 
-    def latest(self, topic: str) -> int:
-        """Return the newest stamp on a topic; 0: none yet."""
-        return self._latest.get(topic, 0)
-
     def of(self, topic: str, oldest: int, time: float) -> int:
         """Return the stamp of a message that is made now of inputs of which `oldest` is one's."""
         now = oldest if self._ahead is None else _ns(time) + self._ahead
-        stamp = min(max(oldest or now, self.latest(topic)), now)
+        stamp = min(max(oldest or now, self._latest[topic]), now)
         self._latest[topic] = stamp
         return stamp
 

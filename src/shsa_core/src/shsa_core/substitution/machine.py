@@ -13,7 +13,7 @@ from shsa_core.substitution.advertising import Advertising
 from shsa_core.substitution.alone import Alone
 from shsa_core.substitution.events import Command, Event, LastMessage, Log
 from shsa_core.substitution.handover import Handover
-from shsa_core.substitution.job import Job, Stamps, Words, words
+from shsa_core.substitution.job import Job, Stamps, words
 from shsa_core.substitution.others import OtherPublishers
 from shsa_core.substitution.readings import Readings
 from shsa_core.substitution.voice import Heard, Order, Original, Voice, decide
@@ -31,7 +31,7 @@ class Substitute:
         self._now = -math.inf
         self.row = Substitution("", "", (), "", ())
         self._job: Optional[Job] = None
-        self._refused: Optional[Words] = None
+        self._refused: Optional[Tuple[object, ...]] = None
         self._readings = Readings()
         self._stamps = Stamps()
         self._advertising = Advertising()

@@ -65,8 +65,7 @@ class OtherPublishers:
         if self.heard is Heard.RIVAL and not (listens and row.publishing is self._publishing):
             self.heard = Heard.ANOTHER
         self.provider, self._replaced = row.provider, row.original
-        deadline = row.outputs[0].deadline if row.outputs and listens else None
-        self._deadline = math.inf if deadline is None else deadline
+        self._deadline = (row.outputs[0].deadline if row.outputs and listens else None) or math.inf
         self._publishing, self._yields, self.bridge = row.publishing, row.yields, bridge
         self._at_once = BURST_PERIODS * (row.outputs[0].period or 0.0) if row.outputs else 0.0
 

@@ -7,8 +7,8 @@ from shsa_core.language.memory import sample_times
 from shsa_core.model.service import Signal
 from shsa_core.substitution.events import InputArrived
 
-Key = Tuple[str, str]
-"""A field of a topic's messages, and whose messages count; empty: anybody's."""
+Key = Tuple[str, str, str]
+"""A topic, a field of its messages, and whose messages count; empty: anybody's."""
 Reading = Tuple[float, float, int, str]
 """The time at which a value came, the value, the stamp of its message in ns, and its publisher."""
 
@@ -17,7 +17,7 @@ class Readings:
     """The newest value of each signal; what was listened to once stays so."""
 
     def __init__(self) -> None:
-        self._readings: Dict[str, Dict[Key, Optional[Reading]]] = {}
+        self._readings: Dict[Key, Optional[Reading]] = {}
         self._allowed: Dict[str, float] = {}  # by topic: the shortest deadline
         self._backlogs: Dict[Tuple[str, str], Backlog] = {}  # by topic and publisher
 
@@ -25,13 +25,10 @@ class Readings:
         """Keep the values of `signals` from now on; return those of them that are new."""
         new: List[Signal] = []
         for signal in signals:
-            readings = self._readings.setdefault(signal.topic, {})
-            if signal.deadline is not None:
-                known = self._allowed.get(signal.topic, inf)
-                self._allowed[signal.topic] = min(known, signal.deadline)
-            key = signal.field, signal.node
-            if key not in readings:
-                readings[key] = None
+            topic, key = signal.topic, (signal.topic, signal.field, signal.node)
+            self._allowed[topic] = min(self._allowed.get(topic, inf), signal.deadline or inf)
+            if key not in self._readings:
+                self._readings[key] = None
                 new.append(signal)
         return new
 
@@ -43,23 +40,19 @@ class Readings:
         age = (event.ros_time - stamp) / 1e9
         if backlog.holds(time, age, self._allowed.get(topic, inf), event.waited):
             return
-        readings = self._readings.get(topic, {})
         for field, value in event.values:
-            for key in ((field, ""), (field, publisher)):
-                if key in readings:
-                    readings[key] = time, value, stamp, publisher
+            for key in ((topic, field, ""), (topic, field, publisher)):
+                if key in self._readings:
+                    self._readings[key] = time, value, stamp, publisher
 
     def values(self, signals: Sequence[Signal], now: float) -> Optional[Tuple[float, ...]]:
         """Return the values of `signals`; None if one has not come, or is past its deadline."""
         found = []
         for signal in signals:
             reading = self._reading(signal)
-            if reading is None:
+            if reading is None or now - reading[0] > (signal.deadline or inf):
                 return None
-            time, value, _, _ = reading
-            if signal.deadline is not None and now - time > signal.deadline:
-                return None
-            found.append(value)
+            found.append(reading[1])
         return tuple(found)
 
     def times(self, signals: Sequence[Signal], now: float) -> Tuple[float, ...]:
@@ -83,4 +76,4 @@ class Readings:
         return tuple("" if reading is None else reading[3] for reading in readings)
 
     def _reading(self, signal: Signal) -> Optional[Reading]:
-        return self._readings[signal.topic][signal.field, signal.node]
+        return self._readings[signal.topic, signal.field, signal.node]

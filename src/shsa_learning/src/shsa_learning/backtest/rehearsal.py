@@ -6,9 +6,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from shsa_core.codegen.generator import inputs_of
-from shsa_core.codegen.program import compile_program
-from shsa_core.language.memory import longest_gap, spans
-from shsa_core.model.field import is_angle
+from shsa_core.codegen.program import compile_periodic
 from shsa_core.model.service import Deadlines, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
@@ -46,7 +44,6 @@ class Rehearsal:
         self._recording, self._target = recording, target.service
         self._period = target.service.period or series.interval
         self._soonest = SHORTEST_SHARE * self._period
-        self._gap = longest_gap(target.service.period)
         self._held: Dict[Source, np.ndarray] = {}
         self.time = _ticks(series.time, self._period)
         place = np.searchsorted(self.time, series.time)
@@ -60,10 +57,8 @@ class Rehearsal:
     def run(self, sources: Sequence[Source], program: Program, place: int = 0) -> Played:
         """Run a program that reads these sources; return its output at `place`."""
         n_outputs = len(program.outputs)
-        over = spans(self._target.period, (each.service.period for each in sources))
-        turn = [is_angle(each.provision.field) for each in sources]
-        size = len(program.inputs), n_outputs
-        compiled = compile_program(program.code, *size, self._gap, over=over, angles=turn)
+        inputs = [(each.provision.field, each.service.period) for each in sources]
+        compiled = compile_periodic(program.code, inputs, n_outputs, self._target.period)
         columns = [self._inputs(source) for source in sources]
         known = np.isfinite(self.measured)
         sum_ = compiled.integrals[place] if compiled.integrals else None
