@@ -4,7 +4,7 @@ A program is evaluated with a message of the service's own node, a few times a s
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite
+from math import inf
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
@@ -313,7 +313,7 @@ class Derivations:
         followed.doubtful = derived is None or not sound
         for number, output in enumerate(followed.outputs):
             value = None if derived is None else derived[number]
-            output.derived = value if value is not None and isfinite(value) else None
+            output.derived = value if value is not None and abs(value) < settings.LARGEST else None
 
     def _value(self, source: Source, time: float) -> Optional[Tuple[Optional[float], float]]:
         """Return the newest value of a source and when it came, unless it holds; None: stale."""
