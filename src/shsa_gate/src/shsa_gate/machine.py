@@ -67,10 +67,9 @@ class Gate:
     def __init__(self, service: Service, first: str = "", time: float = 0.0) -> None:
         self._service, self._first = service, first
         self._original = _Original(service)
-        self._values_alone = _values_alone(service)
         self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
-        self._derived = Evidence(self._values_alone)  # what substitutes say; it holds no history
+        self._derived = Evidence(_values_alone(service))  # what substitutes say, without history
         self._substitutes: Set[str] = set()
         self._newest: Optional[Arrived] = None  # good message of a substitute
         self._muted, self._filling = bool(first), False
@@ -93,7 +92,7 @@ class Gate:
     def service_of(self, publisher: str) -> Optional[Service]:
         """Return what judges a publisher: a substitute by its values alone; None: a stranger."""
         if publisher in self._substitutes:
-            return self._values_alone
+            return self._derived.service
         return self._original.judged if publisher == self._service.node else None
 
     def handle(self, event: Event) -> List[Command]:
