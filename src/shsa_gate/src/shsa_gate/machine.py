@@ -3,6 +3,7 @@ import math
 from dataclasses import replace
 from typing import Dict, List, Optional, Set
 
+from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.dispatch import Table, table
 from shsa_core.model.checks import Finding, NotANumber, OutOfRange, RateHigh
 from shsa_core.model.log import Level
@@ -172,8 +173,10 @@ class Gate:
 
     def _is_doubted(self, event: Arrived) -> bool:
         """Tell if the newest value of a substitute contradicts a message of the node."""
-        newest = self._newest
-        if newest is None or event.time - newest.time > self._periods(settings.OLD):
+        newest, period = self._newest, self._service.period
+        judged = settings.JUDGED_LOOKS * SAMPLE_S
+        old = judged if period is None else settings.OLD * period
+        if newest is None or event.time - newest.time > old:
             return False
         publisher = newest.message.publisher
         rows = (row for row in self._rows.values() if row.node == publisher)
