@@ -182,7 +182,9 @@ class Bench:
 
     def muted(self) -> Set[Key]:
         """Return the substitutes that stand by."""
-        return {each.key for each in self.core._board.all() if self.core._board.is_muted(each)}
+        board, unknown = self.core._board, PublisherState.UNKNOWN
+        found = (each for each in board.all() if each.state is unknown)
+        return {each.key for each in found if board.may_be_silent(each)}
 
     def state(self, node: str = NODE, topic: str = TOPIC) -> Optional[str]:
         found = self.rows.get((topic, node))

@@ -337,7 +337,7 @@ def test_topics_come_and_go(bench: Bench) -> None:
 
 
 def test_messages_are_counted(bench: Bench) -> None:
-    assert [each.messages for each in bench.core.overview()] == [(60,)]
+    assert [[*each.publishers.values()] for each in bench.core.overview()] == [[60]]
 
 
 def test_what_happens_on_topics_that_are_not_watched_is_ignored(bench: Bench) -> None:

@@ -204,6 +204,16 @@ def test_the_stated_error_grows_and_shrinks_also_while_nobody_publishes(
     assert rms(robot) < agreed + 0.3 * (parted - agreed)
 
 
+def test_a_derived_value_beyond_all_measure_stops_no_look_at_the_others(ontology: Ontology) -> None:
+    anything = replace(SPEED, provides=(Provision("speed", "data"),))
+    robot = Robot(ontology, LOAD, anything, POWER)
+    robot.run(90.0)
+    agreed = rms(robot)
+    robot.hear(Disconnected(robot.now, "/load", "/load_node"))
+    robot.run(20.0, silent="load", speed=1e200)
+    assert rms(robot) < agreed + 0.2
+
+
 def rms(robot: Robot) -> float:
     """Return the error that is stated of what is derived from the speed."""
     found = robot.of("load", "speed")

@@ -34,22 +34,15 @@ class Doubt:
         doubted = False
         for each, limit in self._limits:
             allowed = spread(errors.get(each.field)) if limit == LEARNED else limit
-            pair = said.get(each.property), derived.get(each.property)
-            doubted = self._contradicts(each, allowed, *pair) or doubted
+            value, other = said.get(each.property), derived.get(each.property)
+            if allowed is not None and value is not None and other is not None:
+                doubted = self._contradicts(each, allowed, value, other) or doubted
         self._since = min(self._since, time) if doubted else inf
         if time - self._since > settings.JUDGED_LOOKS * SAMPLE_S:
             self._agreed.clear()
         return doubted
 
-    def _contradicts(
-        self,
-        of: Provision,
-        allowed: Optional[float],
-        value: Optional[float],
-        other: Optional[float],
-    ) -> bool:
-        if value is None or other is None or allowed is None:
-            return False
+    def _contradicts(self, of: Provision, allowed: float, value: float, other: float) -> bool:
         agreed, angle = self._agreed.pop(of.property, None), is_angle(of.field)
         if abs(difference(value, other, angle)) <= allowed:
             agreed = value, other

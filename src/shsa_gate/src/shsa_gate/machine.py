@@ -3,6 +3,7 @@ import math
 from dataclasses import replace
 from typing import Dict, List, Optional, Set
 
+from shsa_core.derivations.settings import SAMPLE_S
 from shsa_core.dispatch import Table, table
 from shsa_core.model.checks import Finding, NotANumber, OutOfRange, RateHigh
 from shsa_core.model.log import Level
@@ -67,10 +68,9 @@ class Gate:
     def __init__(self, service: Service, first: str = "", time: float = 0.0) -> None:
         self._service, self._first = service, first
         self._original = _Original(service)
-        self._values_alone = _values_alone(service)
         self._doubt = Doubt(service)
         self._rows: Dict[str, Substitution] = {}
-        self._derived = Evidence(self._values_alone)  # what substitutes say; it holds no history
+        self._derived = Evidence(_values_alone(service))  # what substitutes say, without history
         self._substitutes: Set[str] = set()
         self._newest: Optional[Arrived] = None  # good message of a substitute
         self._muted, self._filling = bool(first), False
@@ -93,7 +93,7 @@ class Gate:
     def service_of(self, publisher: str) -> Optional[Service]:
         """Return what judges a publisher: a substitute by its values alone; None: a stranger."""
         if publisher in self._substitutes:
-            return self._values_alone
+            return self._derived.service
         return self._original.judged if publisher == self._service.node else None
 
     def handle(self, event: Event) -> List[Command]:
@@ -173,8 +173,10 @@ class Gate:
 
     def _is_doubted(self, event: Arrived) -> bool:
         """Tell if the newest value of a substitute contradicts a message of the node."""
-        newest = self._newest
-        if newest is None or event.time - newest.time > self._periods(settings.OLD):
+        newest, period = self._newest, self._service.period
+        judged = settings.JUDGED_LOOKS * SAMPLE_S
+        old = judged if period is None else settings.OLD * period
+        if newest is None or event.time - newest.time > old:
             return False
         publisher = newest.message.publisher
         rows = (row for row in self._rows.values() if row.node == publisher)

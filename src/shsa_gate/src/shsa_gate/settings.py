@@ -12,6 +12,6 @@ BURST = 5.0
 """Messages of a publisher that is too fast, which pass at once."""
 JUDGED_LOOKS = 30
 """Of the monitor, after which its witnesses have spoken: it needs two rounds of ten, and healing
-has to hear of that."""
+has to hear of that. A substitute without a period that is silent for as long tells nothing new."""
 CLOCK_SET_NS = 10**9
 """A stamp that goes back by more is of a clock that was set."""

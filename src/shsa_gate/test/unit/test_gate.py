@@ -302,6 +302,18 @@ def test_an_event_driven_value_of_a_substitute_is_heard_once_and_after_no_newer_
     assert not stand.message(math.nan), "it was heard"
 
 
+def test_no_event_is_doubted_by_what_a_substitute_said_long_before() -> None:
+    provides = (with_value_checks(Witness(4.0)),)
+    stand = Stand(replace(GATED, period=None, provides=provides))
+    stand.substitute()
+    for time, value, node in ((0.1, 2.0, SUBSTITUTE), (0.2, 1.0, NODE), (0.3, 7.0, NODE)):
+        stand.until(time)
+        stand.message(value, node)
+    assert stand.values() == [1.0], "the substitute did not see the jump"
+    stand.until(60.0)
+    assert stand.message(7.0)
+
+
 def test_what_goes_out_has_the_very_bytes_that_came() -> None:
     header = Header(seq=7, stamp=rospy.Time(5, 6), frame_id="f")
     message = Float64Stamped(header=header, data=1.5)

@@ -8,7 +8,7 @@ SASO 2019). What is not healthy is no witness.
 from collections import deque
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Deque, Dict, List, NamedTuple, Optional, Tuple
 
 from shsa_core.codegen.plans import plan_sources
 from shsa_core.codegen.prediction import Predictor
@@ -18,7 +18,7 @@ from shsa_core.model.samples import WitnessSample
 from shsa_core.model.error import Error, spread
 from shsa_core.model.field import difference, is_angle
 from shsa_core.model.ontology import Ontology
-from shsa_core.model.service import Service, Source
+from shsa_core.model.service import Source
 from shsa_core.model.som import Som
 from shsa_core.derivations import settings
 from shsa_core.derivations.evaluation import Derivations, FollowedPlan
@@ -161,8 +161,7 @@ class Witnesses:
     def watch(self, som: Som, predictor: Optional[Predictor]) -> None:
         """Compare what `som` wants compared: what is compared as before goes on."""
         known = self._ontology.properties
-        readable = [source for service in som for source in service.readable]
-        usable = [source for source in readable if source.property in known]
+        usable = [s for service in som for s in service.readable if s.property in known]
         table = SourceTable(self._ontology.network, usable)
         before, self.suspects = self.suspects, {service.name: [] for service in som}
         for source in usable:
@@ -195,23 +194,6 @@ class Witnesses:
             for read in (each.service for each in plan.inputs):
                 excluded.update((read.name, *read.wrong_with, *read.upstream))
         return found
-
-    def look(
-        self,
-        service: Service,
-        suspicions: Dict[str, Suspicion],
-        measured: Mapping[str, float],
-        time: float,
-    ) -> None:
-        """Compare what the node of a service measured, once its derivations were evaluated.
-
-        `suspicions`: what is held against this life of the node, by property; this is kept up.
-        """
-        for suspect in self.suspects[service.name]:
-            name = suspect.source.property
-            if name not in suspicions or suspicions[name].suspect is not suspect:
-                suspicions[name] = Suspicion(suspect)
-            suspicions[name].look(measured.get(name), time)
 
 
 def _agree(apart: Optional[float], samples: List[WitnessSample]) -> bool:

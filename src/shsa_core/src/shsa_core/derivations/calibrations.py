@@ -12,14 +12,14 @@ from typing import Tuple, Union
 from shsa_core.codegen.plans import plan_service, plan_sources
 from shsa_core.codegen.prediction import Predictor
 from shsa_core.errors import ShsaError
-from shsa_core.model.calibration import Calibration, CalibrationRow, CalibrationsChanged
+from shsa_core.model.calibration import CalibrationRow, CalibrationsChanged
 from shsa_core.model.field import is_angle
 from shsa_core.model.log import Level, Log
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.service import Service, Source
 from shsa_core.model.som import Som
 from shsa_core.derivations import settings
-from shsa_core.derivations.evaluation import Derivations, FollowedPlan
+from shsa_core.derivations.evaluation import Derivations, FollowedPlan, Output
 from shsa_core.derivations.fusions import Fusions
 from shsa_core.search.derivation import SourceTable
 
@@ -56,7 +56,7 @@ class Calibrations:
         self._som = Som()
         self._predictor: Optional[Predictor] = None
         self._planned: FrozenSet[str] = frozenset()
-        self._table: Optional[SourceTable] = None
+        self._table = SourceTable(ontology.network)
         self._wanted: Deque[_Wanted] = deque()
         self._replan_at = self._search_at = -inf
         self._kept: Set[Source] = set()  # of these it was said
@@ -74,7 +74,7 @@ class Calibrations:
         refreshed, gone = self._derivations.news()
         told = [each for each in refreshed if self._speaks_for(each) and self._fusions.tells(each)]
         self._say(log for each in told for log in self._kept_back(each))
-        rows = {each.key: _row(each) for each in told if _has_moved(each)}
+        rows = {each.key: _row(each) for each in told if any(map(_has_moved, each.outputs))}
         removed = tuple(each.key for each in gone if each.key not in rows)
         if rows or removed:
             self._say([CalibrationsChanged(tuple(rows.values()), removed)])
@@ -128,29 +128,25 @@ class Calibrations:
         return is_angle(source.provision.field) or known.unit.strip() not in UNITS_OF_ANGLES
 
     def _search(self, wanted: _Wanted) -> None:
-        assert self._table is not None
         service, first = wanted.service, len(wanted.excluded) == 1
         if first:
             self._rest(service.name)
-        question = self._ontology, service, self._table, wanted.excluded
-        watched = self._ontology, service.sources, self._table.excluding(wanted.excluded)
+        others, knows = self._table.excluding(wanted.excluded), self._predictor
         try:
             if wanted.watches:
-                plan = plan_sources(*watched, predictor=self._predictor)
+                plan = plan_sources(self._ontology, service.sources, others, predictor=knows)
                 if all(service.name in each.service.upstream for each in plan.inputs):
                     return  # it would only repeat what the service says
             else:
-                plan = plan_service(*question, predictor=self._predictor)
+                plan = plan_service(self._ontology, service, others, predictor=knows)
             followed = self._derivations.made(plan)
         except ShsaError:
             return  # nothing would take its place
         self._follow(followed)
         if first:
-            nodes = dict.fromkeys(source.node for source in plan.inputs)
-            without = [(*wanted.excluded, node) for node in nodes]
-            self._wanted.extend(
-                _Wanted(service, each, w) for each in without for w in (False, True)
-            )
+            for node in dict.fromkeys(source.node for source in plan.inputs):
+                without = (*wanted.excluded, node)
+                self._wanted += _Wanted(service, without), _Wanted(service, without, watches=True)
 
     def _rest(self, service: str) -> None:
         """Follow no plan for a service, and give up those that rested for long."""
@@ -169,11 +165,8 @@ class Calibrations:
         others = sum(each.plan.service == followed.plan.service for each in now)
         enough = not fused and others >= settings.PLANS
         rate = sum(each.rate for each in now) + followed.rate
-        told = [
-            each
-            for each in followed.outputs
-            if self._calibrates(each.source) and not each.integrates
-        ]
+        plain = (each for each in followed.outputs if not each.integrates)
+        told = [each for each in plain if self._calibrates(each.source)]
         if followed.substitutes or enough or rate > settings.EVALUATIONS_HZ or not told:
             return
         for output in told:
@@ -184,7 +177,7 @@ class Calibrations:
         """Say once which calibrations do not follow their sensor."""
         for output in followed.outputs:
             own, source = output.calibrator, output.source
-            if own is not None and own.keeps and source not in self._kept:
+            if own.keeps and source not in self._kept:
                 self._kept.add(source)
                 what = f"{source.property} and what is derived of it part by {own.pull:.3g}"
                 text = f"{source.topic}: {what}: its calibration stays as it was"
@@ -192,18 +185,13 @@ class Calibrations:
 
 
 def _row(followed: FollowedPlan) -> CalibrationRow:
-    followed.told = tuple(each.calibration for each in followed.outputs)
-    return CalibrationRow(*followed.key, followed.told)
+    for each in followed.outputs:
+        each.told = each.calibration
+    return CalibrationRow(*followed.key, tuple(each.told for each in followed.outputs))
 
 
-def _has_moved(followed: FollowedPlan) -> bool:
-    now = [each.calibration for each in followed.outputs]
-    if not any(each.error for each in now):
-        return False
-    return not followed.told or any(map(_moved, followed.told, now))
-
-
-def _moved(before: Calibration, now: Calibration) -> bool:
+def _has_moved(output: Output) -> bool:
+    before, now = output.told, output.calibration
     if before.error is None or now.error is None:
         return now != before
     share, rms = settings.TOLD_SHARE, now.error.rms

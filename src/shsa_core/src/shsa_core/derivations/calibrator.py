@@ -105,11 +105,9 @@ class Calibrator:
         return gain, self._shift.value - self._gain.value * self._at
 
     def _learn(self, time: float, measured: float, derived: float) -> None:
-        passed = (
-            settings.SAMPLE_S
-            if self._learned is None
-            else min(time - self._learned, settings.SAMPLE_COUNTS_S)
-        )
+        passed = settings.SAMPLE_S
+        if self._learned is not None:
+            passed = min(time - self._learned, settings.SAMPLE_COUNTS_S)
         self._learned = time
         residual, mean = measured - derived, self._mean_residual
         if self._angle:

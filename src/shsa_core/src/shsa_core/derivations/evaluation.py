@@ -4,12 +4,17 @@ A program is evaluated with a message of the service's own node, a few times a s
 newest values of healthy nodes. While nothing is held against anybody it is calibrated by that node.
 """
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite
+from math import inf
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
+<<<<<<< HEAD
 from shsa_core.codegen.program import Step, compile_periodic
 from shsa_core.language.memory import sample_times
+=======
+from shsa_core.codegen.program import CompiledProgram, compile_program
+from shsa_core.language.memory import longest_gap, sample_times, spans
+>>>>>>> less-monitoring
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import difference, is_angle
@@ -25,43 +30,40 @@ from shsa_core.search.derivation import Derivation
 class Output:
     """A value that a program derives. `stated`: the error that it is expected to have.
 
-    `derived`: its newest value, None: an input is missing. `learned`: a while ago; `calibration`:
-    with the error that it has grown to while nobody measures: `growth`, None: somebody does.
+    `calibrates`: it learns gain and offset. `derived`: its newest value, None: an input is missing.
+    `learned`: a while ago; `calibration`: with the error that it has grown to while nobody
+    measures: `growth`, None: somebody does; `told`: as others know it.
     """
 
     source: Source
     derivation: Derivation
     stated: Optional[Error]
     integrates: bool
-    calibrator: Optional[Calibrator] = None
+    calibrates: bool = False
+    calibrator: Calibrator = field(default_factory=Calibrator)
     derived: Optional[float] = None
     learned: Calibration = UNCALIBRATED
     calibration: Calibration = UNCALIBRATED
+    told: Calibration = UNCALIBRATED
     growth: Optional[Growth] = None
-
-    @property
-    def errors(self) -> Mapping[float, float]:
-        """Return by what it erred lately, by the number of the turn."""
-        return {} if self.calibrator is None else self.calibrator.errors
 
     def calibrate(self) -> None:
         """Learn gain and offset from now on."""
-        if self.calibrator is None:
+        if not self.calibrates:
+            self.calibrates = True
             angle = is_angle(self.source.provision.field)
             self.calibrator = Calibrator(self.stated.rms if self.stated else None, angle)
 
     def learn(self, time: float, measured: float, other: Optional["Output"]) -> None:
         """Learn from what was measured, while another derivation confirms it."""
-        own, its = self.calibrator, None if other is None else other.calibrator
-        if own is not None and self.derived is not None:
-            own.confirmed = its is not None and its.confirms(own.pull)
+        own = self.calibrator
+        if self.calibrates and self.derived is not None:
+            own.confirmed = other is not None and other.calibrator.confirms(own.pull)
             own.take(time, measured, self.derived)
             self.growth = None
 
     def refresh(self, time: float) -> None:
         """Look at what was learned, and at how old it is."""
-        if self.calibrator is None:
-            return
         self.calibration = self.learned = self.calibrator.snapshot()
         if self.growth is not None and self.learned.error is not None:
             grown = self.growth.added(self.learned.error, self.calibrator.aged(time))
@@ -70,7 +72,7 @@ class Output:
     def compare(self, time: float, other: Optional["Output"]) -> None:
         """Look at its value, which nobody measures, and at what another derivation tells."""
         mine, its = self._told(time), None if other is None else other._told(time)
-        if self.calibrator is None or self.derived is None:
+        if self.derived is None:
             return
         apart = None
         if mine is not None and its is not None:
@@ -82,7 +84,7 @@ class Output:
     def _told(self, time: float) -> Optional[Tuple[float, float]]:
         """Return the calibrated value, and its variance; None: not known."""
         error = self.learned.error
-        if self.calibrator is None or self.derived is None or error is None:
+        if self.derived is None or error is None:
             return None
         return self.learned(self.derived), error.rms**2 + self.calibrator.aged(time)
 
@@ -91,19 +93,16 @@ class Output:
 class FollowedPlan:
     """A plan for a service, evaluated while it `substitutes` or is a `witness`.
 
-    `remembers`: it has to see every message. `doubtful`: an input is missing, or its newest value
-    in doubt. `told`: calibrations of the outputs as told last.
+    `doubtful`: an input is missing, or its newest value in doubt.
     """
 
     plan: Plan
     outputs: Tuple[Output, ...]
-    step: Step
-    remembers: bool
+    compiled: CompiledProgram
     substitutes: bool = False
     witness: bool = False
     doubtful: bool = True
     refreshed: float = -inf
-    told: Tuple[Calibration, ...] = ()
 
     @property
     def key(self) -> Tuple[str, Program]:
@@ -124,14 +123,13 @@ class FollowedPlan:
     def rate(self) -> float:
         """Evaluations a second."""
         period = self.plan.outputs[0].service.period or 0.0
-        pause = period if self.remembers else max(period, settings.SAMPLE_S)
+        pause = period if self.compiled.remembers else max(period, settings.SAMPLE_S)
         return 1.0 / pause if pause else inf
 
     def doubt(self) -> None:
         """Learn nothing from what was heard last."""
         for output in self.outputs:
-            if output.calibrator is not None:
-                output.calibrator.doubt()
+            output.calibrator.doubt()
 
     def opinion(self, output: Output, all_: Iterable["FollowedPlan"]) -> Optional[Output]:
         """Return the same value by that calibrated plan which shares the fewest inputs."""
@@ -187,12 +185,8 @@ class Derivations:
         known = self._services
         plans = [plan for heard in known.values() for plan in heard.plans]
         goes_on = {s.name for s in som if s.name in known and known[s.name].service == s}
-        self._services = {
-            service.name: replace(known[service.name], readers=set(), plans=[])
-            if service.name in goes_on
-            else _Heard(service)
-            for service in som
-        }
+        same = {name: replace(known[name], readers=set(), plans=[]) for name in goes_on}
+        self._services = {each.name: same.get(each.name) or _Heard(each) for each in som}
         for followed in plans:
             followed.witness = False
             if followed.plan.service in goes_on and followed.reads <= self._services.keys():
@@ -238,7 +232,7 @@ class Derivations:
         program = compile_periodic(code, inputs, len(plan.outputs), period)
         integrates = [program.hidden or sum_ is not None for sum_ in program.integrals]
         outputs = tuple(map(Output, plan.outputs, plan.derivations, plan.errors, integrates))
-        made = FollowedPlan(plan, outputs, program.step, program.remembers)
+        made = FollowedPlan(plan, outputs, program)
         self._keep(made)
         return made
 
@@ -258,7 +252,7 @@ class Derivations:
         """Evaluate what is due since the `last` time; tell if all plans are."""
         due = not 0.0 <= time - last < settings.SAMPLE_S
         for each in heard.followed:
-            if due or each.remembers:
+            if due or each.compiled.remembers:
                 self._evaluate(each, time)
         return due
 
@@ -303,7 +297,7 @@ class Derivations:
         """Yield what sound inputs tell now of a value of a service."""
         for plan in self._services[service.name].followed:
             for output in plan.outputs:
-                if output.source.property == property and not plan.remembers:
+                if output.source.property == property and not plan.compiled.remembers:
                     self._evaluate(plan, time)
                     if output.derived is not None and not plan.doubtful:
                         yield output.derived
@@ -317,12 +311,12 @@ class Derivations:
         known = [self._value(source, time) for source in followed.plan.inputs]
         came, inputs = zip(*filter(None, known)) if any(known) else ((), ())
         at = sample_times(came, time)
-        derived = followed.step(inputs, time, at) if len(inputs) == len(known) else None
+        derived = followed.compiled.step(inputs, time, at) if len(inputs) == len(known) else None
         sound = all(self._services[name].sound for name in followed.reads)
         followed.doubtful = derived is None or not sound
         for number, output in enumerate(followed.outputs):
             value = None if derived is None else derived[number]
-            output.derived = value if value is not None and isfinite(value) else None
+            output.derived = value if value is not None and abs(value) < settings.LARGEST else None
 
     def _value(self, source: Source, time: float) -> Optional[Tuple[Optional[float], float]]:
         """Return the newest value of a source and when it came, unless it holds; None: stale."""

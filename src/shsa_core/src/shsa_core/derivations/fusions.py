@@ -40,7 +40,7 @@ class _Fused:
         """Return by how much it errs, compared with the best of its parts: in all, and in parts of
         the time, as some errors are rare and large; nothing: it is too early.
         """
-        columns = [part.errors for part in (*self.followed.outputs, *self.parts)]
+        columns = [part.calibrator.errors for part in (*self.followed.outputs, *self.parts)]
         common = [time for time in columns[0] if all(time in column for column in columns)]
         if len(common) < settings.FUSED:
             return []
@@ -90,7 +90,7 @@ class Fusions:
             if key in self._fused or time < self._next.get(key, -inf):
                 continue
             parts = [] if is_angle(source.provision.field) else self._parts(source)
-            weights = shares([part.errors for part in parts])
+            weights = shares([part.calibrator.errors for part in parts])
             if len(weights) > 1:
                 self._next[key] = time + settings.DRIFT_S
                 chosen = [parts[i] for i in weights]
@@ -119,7 +119,7 @@ class Fusions:
         derivation = Derivation(function.output, None, function, tuple(derivations))
         joint = rate_joint([Rated((0, 0, 0), 1.0, derivation)])
         plan = make_plan(self._ontology, (source,), joint, False, None)
-        least = settings.FUSED_GAIN * min(rms(part.errors.values()) for part in parts)
+        least = settings.FUSED_GAIN * min(rms(part.calibrator.errors.values()) for part in parts)
         return replace(plan, errors=(Error(least),))
 
 

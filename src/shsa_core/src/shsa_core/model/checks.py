@@ -246,12 +246,8 @@ REGISTRY: Dict[str, Type[Check]] = {each.kind.value: each for each in Check.__su
 The first that finds something tells its kind.
 """
 
-BY_VALUE = tuple(
-    Kind(name)
-    for name, check in REGISTRY.items()
-    if check.sample
-    in (*samples.OF_VALUE, samples.StampSample, samples.FormSample, samples.FormulaSample)
-)
+_SINGLE = (*samples.OF_VALUE, samples.StampSample, samples.FormSample, samples.FormulaSample)
+BY_VALUE = tuple(each.kind for each in REGISTRY.values() if each.sample in _SINGLE)
 """The failures that single messages show: by what they say, not by when they come."""
 
 

@@ -174,12 +174,10 @@ def _unknown_with(kind: str, field_: str, layout: Layout) -> str:
     for place, name in enumerate(names):
         convention, rest = CONVENTIONS.get(kind, GENERIC), ".".join(names[place:])
         for covariance in convention.covariances:
-            group = covariance.group
-            if covariance.absent is not None and f"{rest}.".startswith(f"{group}."):
-                return ".".join([*names[:place], group])
-        for flag in convention.flags:
-            if flag.field == rest and flag.unless == (rest,):
-                return field_
+            if covariance.absent is not None and f"{rest}.".startswith(f"{covariance.group}."):
+                return ".".join([*names[:place], covariance.group])
+        if any(flag.field == rest and flag.unless == (rest,) for flag in convention.flags):
+            return field_
         if any(covariance.field == name for covariance in convention.covariances):
             return ""
         mark = mark or convention.fields.get(name)

@@ -1,7 +1,7 @@
 """The type of a field: which kind of number it is, and what it can hold."""
 import math
 from dataclasses import dataclass
-from typing import Callable, Dict, Mapping, Optional, Tuple
+from typing import Callable, Dict, Mapping, Tuple
 
 from shsa_core.errors import ShsaError, listed
 from shsa_core.model.field import ANGLES, REDUCTIONS, Named, Span, Step, parse_field
@@ -22,15 +22,11 @@ WHOLE: Dict[str, Tuple[int, int]] = {
 
 @dataclass(frozen=True)
 class FieldType:
-    """A field that is a number: of the type `kind`, or computed. It holds `low` to `high`.
-
-    `writable`: whether a value can be written to it; a reduction cannot.
-    """
+    """A field that is a number: of the type `kind`, or computed. It holds `low` to `high`."""
 
     kind: str
     low: float
     high: float
-    writable: bool = True
 
     def fit(self, value: float) -> float:
         """Return the value as the field holds it; a whole number is rounded to.
@@ -63,7 +59,7 @@ def field_type(message_type: str, field: str, layout: Layout) -> FieldType:
         raise ShsaError(f"{message_type}: field {field} is a {kind}, not a number")
     if parsed.function in REDUCTIONS:
         low = 0.0 if parsed.function == "count" else -math.inf
-        return FieldType(f"the {parsed.function} of an array", low, math.inf, writable=False)
+        return FieldType(f"the {parsed.function} of an array", low, math.inf)
     low, high = WHOLE[kind] if kind in WHOLE else (-FLOATS[kind], FLOATS[kind])
     return FieldType(kind, low, high)
 
@@ -81,17 +77,10 @@ def _enter(kind: str, step: Step, reduces: bool, layout: Layout) -> str:
             raise ShsaError(f"field {step.name} is not an array")
     elif step.part is None and not reduces:
         raise ShsaError(f"field {step.name} is an array: its first element is {step.name}[0]")
-    highest = _highest(step)
-    if size[:-1] and highest is not None and highest >= int(size[:-1]):
+    part = step.part
+    end = part.stop if isinstance(part, Span) else part + 1 if isinstance(part, int) else None
+    if size[:-1] and end is not None and end > int(size[:-1]):
         raise ShsaError(f"{step} is beyond the array, whose last place is {int(size[:-1]) - 1}")
-    if isinstance(step.part, Named) and fields.get(step.part.names) != "string[]":
-        raise ShsaError(f"{step} needs an array of texts {step.part.names} beside {step.name}")
+    if isinstance(part, Named) and fields.get(part.names) != "string[]":
+        raise ShsaError(f"{step} needs an array of texts {part.names} beside {step.name}")
     return element
-
-
-def _highest(step: Step) -> Optional[int]:
-    if isinstance(step.part, int):
-        return step.part
-    if isinstance(step.part, Span) and step.part.stop is not None:
-        return step.part.stop - 1
-    return None

@@ -10,7 +10,8 @@ from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 from shsa_core import message_types
 from shsa_core.errors import ShsaError
-from shsa_core.model.field import ANGLES, FieldText, Named, Selector, Span, Step, parse_field
+from shsa_core.model.field import ANGLES, FieldText, Named, Selector, Span, Step
+from shsa_core.model.field import parse_field, reduces
 from shsa_core.model.field_type import FLOATS, field_type
 
 SHORTEST = 1e-6
@@ -120,7 +121,7 @@ class Field:
 
         self._parsed = parse_field(text)
         self._type = field_type(message_class._type, text, layout)
-        self.writable = self._type.writable
+        self.writable = not reduces(text)
 
     def get(self, message: Any) -> Optional[float]:
         """Return the field's value; see `field_value`."""

@@ -1,8 +1,9 @@
 """The ontology: properties and the relations between them (Section III of the paper)."""
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import log
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Iterable, Mapping, Optional, Sequence, Tuple
 
 import networkx as nx
 
@@ -80,15 +81,10 @@ def _log(number: int) -> int:
     factor = 2
     while factor * factor <= number:
         while number % factor == 0:
-            total += _log_prime(factor)
+            total += round(log(factor) * UNIT)
             number //= factor
         factor += 1
-    return total + (_log_prime(number) if number > 1 else 0)
-
-
-@lru_cache(maxsize=None)
-def _log_prime(prime: int) -> int:
-    return round(log(prime) * UNIT)
+    return total + (round(log(number) * UNIT) if number > 1 else 0)
 
 
 class Network:
@@ -99,24 +95,16 @@ class Network:
     relations' names.
     """
 
-    def __init__(self, graph: nx.DiGraph) -> None:
-        kinds = graph.nodes(data="kind")
-        self.names: List[str] = [node for node, kind in kinds if kind == "property"]
-        self.functions: List[TransferFunction] = []
-        self.costs: List[int] = []
-        self.outputs: List[int] = []
-        self.inputs: List[Tuple[int, ...]] = []
-        self.functions_of: List[range] = []
-        self._numbers: Dict[str, int] = {name: number for number, name in enumerate(self.names)}
-        for number, name in enumerate(self.names):
-            first = len(self.functions)
-            for node in sorted(graph.predecessors(name)):
-                function = graph.nodes[node]["function"]
-                self.functions.append(function)
-                self.costs.append(cost(function.quality))
-                self.outputs.append(number)
-                self.inputs.append(tuple(self._numbers[each] for each in graph.predecessors(node)))
-            self.functions_of.append(range(first, len(self.functions)))
+    def __init__(self, properties: Iterable[str], functions: Sequence[TransferFunction]) -> None:
+        named = [name for each in functions for name in (each.output, *each.inputs)]
+        self.names = list(dict.fromkeys((*properties, *named)))
+        numbers = self._numbers = {name: number for number, name in enumerate(self.names)}
+        self.functions = sorted(functions, key=lambda each: (numbers[each.output], each.relation))
+        self.costs = [cost(each.quality) for each in self.functions]
+        self.outputs = [numbers[each.output] for each in self.functions]
+        self.inputs = [tuple(numbers[name] for name in each.inputs) for each in self.functions]
+        firsts = [bisect_left(self.outputs, number) for number in range(len(self.names) + 1)]
+        self.functions_of = [range(*ends) for ends in zip(firsts, firsts[1:])]
 
     def executable(self, function: int) -> bool:
         """Return True if a function has a law."""
@@ -157,7 +145,7 @@ class Ontology:
             graph.add_edges_from((name, node) for name in function.inputs)
             graph.add_edge(node, function.output)
         object.__setattr__(self, "graph", graph)
-        object.__setattr__(self, "network", Network(graph))
+        object.__setattr__(self, "network", Network(self.properties, self.functions))
 
 
 EMPTY = Ontology({}, {}, ())

@@ -22,29 +22,19 @@ class Som:
         self.act = act
         self.hosts: Mapping[str, Host] = {host.name: host for host in hosts}
         self.services: Dict[str, Service] = {service.name: service for service in services}
+        self._of_topic: Dict[str, List[str]] = {}  # by name, before and beyond a gate
+        for service in self:
+            for topic in service.topics:
+                self._of_topic.setdefault(topic, []).append(service.name)
         self._see_upstream()
-        self._of_topic: Dict[str, List[Service]] = {}
-        self._beyond_gate: Dict[str, Service] = {}
-        self._of_property: Dict[str, List[Source]] = {}
-        for service in self.services.values():
-            self._of_topic.setdefault(service.topic, []).append(service)
-            if service.gated:
-                self._beyond_gate[service.heard] = service
-            for source in service.sources:
-                self._of_property.setdefault(source.property, []).append(source)
 
     def _see_upstream(self) -> None:
         """Fill in what each service is computed from, by however many steps."""
-        of_topic: Dict[str, List[str]] = {}
-        for service in self.services.values():
-            for topic in service.topics:
-                of_topic.setdefault(topic, []).append(service.name)
         for name, service in self.services.items():
             upstream: Dict[str, None] = {}
             open_ = list(service.derived_from)
-            while open_:
-                given = open_.pop(0)
-                found = [given] if given in self.services else of_topic.get(given, [given])
+            for given in open_:  # it grows
+                found = [given] if given in self.services else self._of_topic.get(given, [given])
                 for each in found:
                     if each not in upstream and each != name:
                         upstream[each] = None
@@ -80,23 +70,22 @@ class Som:
 
     def of_property(self, name: str) -> Tuple[Source, ...]:
         """Return the sources of the property `name`."""
-        return tuple(self._of_property.get(name, ()))
+        return tuple(source for source in self.sources if source.property == name)
 
     def of_topic(self, topic: str) -> Tuple[Service, ...]:
         """Return the services that share `topic`, or the one that a gate passes on there."""
-        beyond = self._beyond_gate.get(topic)
-        return tuple(self._of_topic.get(topic, ())) if beyond is None else (beyond,)
+        return tuple(self.services[name] for name in self._of_topic.get(topic, ()))
 
     def topics(self) -> Tuple[str, ...]:
         """Return the topics that nodes publish on, each once, in the order of the SOM."""
-        return tuple(self._of_topic)
+        return tuple(dict.fromkeys(service.topic for service in self))
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service that `publisher` provides on `topic`; None if that cannot be told.
 
         A publisher that no service names stands for the topic's service if there is only one.
         """
-        services = self._of_topic.get(topic, [])
+        services = [service for service in self.of_topic(topic) if service.topic == topic]
         named = next((service for service in services if service.node == publisher), None)
         return services[0] if named is None and len(services) == 1 else named
 
@@ -124,7 +113,7 @@ class Som:
         A topic is of the host of its first service, so that one monitor hears all its publishers.
         """
         return self.with_services(
-            each for each in self if (self._of_topic[each.topic][0].host in hosts) is not beside
+            each for each in self if (self.of_topic(each.topic)[0].host in hosts) is not beside
         )
 
     def needed(self) -> Tuple[Service, ...]:
@@ -138,7 +127,7 @@ class Som:
     def signal(self, source: Source, deadlines: Deadlines, written: bool = False) -> Signal:
         """Return what a substitute must know of a source that it reads or writes."""
         service = source.service
-        shared = len(self._of_topic.get(service.topic, ())) > 1
+        shared = len(self.of_topic(service.topic)) > 1
         return Signal(
             service.topic if written else service.heard,
             source.provision.field,

@@ -45,7 +45,7 @@ class Row(NamedTuple):
 
     why: str
     clears: Tuple[Optional[Kind], ...]
-    applies: Callable[[Case], bool]
+    applies: Callable[[Case], bool] = lambda case: True
     until: Callable[[Case], float] = lambda case: case.limit
 
 
@@ -57,14 +57,12 @@ ROWS = (
     Row(
         "the monitor was held up, and others may have been with it",
         _SILENCE,
-        lambda case: case.due > case.now,
-        lambda case: case.due,
+        until=lambda case: case.due,
     ),
     Row(
         "its connection is made anew",
         _SILENCE,
-        lambda case: case.reconnects_until > case.now,
-        lambda case: case.reconnects_until,
+        until=lambda case: case.reconnects_until,
     ),
     Row(
         "healing connected to it, or a substitute came up, which takes its time",

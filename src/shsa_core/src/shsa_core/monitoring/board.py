@@ -3,6 +3,7 @@ from math import inf
 from typing import Callable, Dict, Iterable, Iterator, List, Optional, Tuple, Union
 
 from shsa_core.agenda import Agenda
+from shsa_core.backlog import Backlog
 from shsa_core.model.checks import BY_VALUE
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
@@ -59,11 +60,8 @@ class Substitutes:
 
         An idle one, or one that publishes elsewhere, may have advertised this topic as well.
         """
-        rows = self._of_node.get(node)
-        if rows is None:
-            return None
-        here = [row for row in rows.values() if topic in row.topics]
-        return (here or [*rows.values()])[0]
+        rows = self._of_node.get(node, {}).values()
+        return next((row for row in rows if topic in row.topics), next(iter(rows), None))
 
 
 class Board:
@@ -147,10 +145,6 @@ class Board:
         row = self.substitution(publisher)
         silent = row is not None and not publishes(row, publisher.topic.name)
         return publisher.retired or silent
-
-    def is_muted(self, publisher: Publisher) -> bool:
-        """Tell if it is a substitute that stands by: it publishes nothing, and need not."""
-        return publisher.state is UNKNOWN and self.may_be_silent(publisher)
 
     # Changes
 
@@ -236,8 +230,11 @@ class Board:
         self.forget_gone(publisher.topic)
 
     def mute(self, publisher: Publisher) -> None:
-        """Mute a publisher, which need not publish."""
-        publisher.mute(self.now)
+        """Mute a publisher, which need not publish: it begins anew once it does."""
+        publisher.become(self.now, UNKNOWN)
+        publisher.begin_anew()
+        publisher.first_message = publisher.last_heard = publisher.silent_since = None
+        publisher.evidence.backlog = Backlog()
         self.touch(publisher)
 
     def drop(self, publisher: Publisher) -> None:

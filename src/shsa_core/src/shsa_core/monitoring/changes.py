@@ -62,12 +62,8 @@ def _violation(
 
 def _with_numbers_of(old: Service, new: Service) -> Service:
     """Return `new` with the numbers by which publishers of `old` are judged."""
-    before = {each.property: each for each in old.provides}
-    provides = tuple(
-        replace(each, range=before[each.property].range, checks=before[each.property].checks)
-        if each.property in before
-        else each
-        for each in new.provides
-    )
+    kept = {each.property: each for each in (*new.provides, *old.provides)}
+    pairs = [(each, kept[each.property]) for each in new.provides]
+    provides = tuple(replace(each, range=was.range, checks=was.checks) for each, was in pairs)
     numbers = ("period", "deadline", "checks", "weakened", "fastest")
     return replace(new, provides=provides, **{name: getattr(old, name) for name in numbers})

@@ -48,7 +48,7 @@ class _Value:
 
     def __init__(self, provision: Provision, learned: Optional[Learned]) -> None:
         self.name, self.field, self._range = provision.property, provision.field, provision.range
-        self._usual, self._back = provision.usual, 0
+        self._usual, self._back = provision.usual or (-inf, inf), 0
         self.unusual = ""
         self._angle, self._checks = is_angle(provision.field), _checks_of(provision)
         key = provision.property, provision.field
@@ -61,8 +61,7 @@ class _Value:
 
     def look(self, value: float, time: float, failed: bool) -> Optional[Finding]:
         """Return what is wrong with a new value; a `failed` publisher may start anew elsewhere."""
-        if self._usual is not None:
-            self._compare_with(self._usual, value)
+        self._compare_with_usual(value)
         before = self._newest if failed else self.good
         self._count(value, time, not failed)
         hold = None if self._stillness is None else self._stillness.allowed(value)
@@ -91,9 +90,9 @@ class _Value:
                 self._stillness.learn(before, self._run, step, self._step)
         self._run, self._began, self._step, self._teaches = 1, time, step, healthy
 
-    def _compare_with(self, usual: Tuple[float, float], value: float) -> None:
+    def _compare_with_usual(self, value: float) -> None:
         """Note a value that leaves what is usual, until as many as are judged together are back."""
-        low, high = usual
+        low, high = self._usual
         if low <= value <= high:
             self._back += 1
             if self._back >= Checks.of:
@@ -237,7 +236,7 @@ class Evidence:
     """
 
     def __init__(self, service: Service, learned: Optional[Learned] = None) -> None:
-        checked = checked_provisions(service)
+        self.service, checked = service, checked_provisions(service)
         self.properties = tuple(each.property for each in checked)
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
         self.verdict, self.backlog = Verdict(service.checks), Backlog()
@@ -276,15 +275,12 @@ class Evidence:
     def violation(self, service: Service) -> Optional[Finding]:
         """Return how what was good so far violates the changed numbers of its service."""
         good = {each.name: each.good for each in self._values if each.good is not None}
-        for new in checked_provisions(service):
-            if new.property in good:
-                sample = ValueSample(new.property, good[new.property], new.range)
-                finding = judge(_checks_of(new), sample)
-                if finding is not None:
-                    return finding
-        if service.period is None or len(self.rate.times) < 2:
-            return None
-        return judge(service.checks.each, self.rate.sample(service.period))
+        judged = [new for new in checked_provisions(service) if new.property in good]
+        samples = (ValueSample(new.property, good[new.property], new.range) for new in judged)
+        found = [judge(_checks_of(new), sample) for new, sample in zip(judged, samples)]
+        if service.period is not None and len(self.rate.times) > 1:
+            found.append(judge(service.checks.each, self.rate.sample(service.period)))
+        return next(filter(None, found), None)
 
     def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
         """Tell if a message is good, and which failure it completes; `failed`: after another."""

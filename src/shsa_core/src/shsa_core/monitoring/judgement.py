@@ -4,7 +4,7 @@ from math import inf, isfinite
 from typing import Optional
 
 from shsa_core.codegen.prediction import predictor
-from shsa_core.derivations.agreement import Witnesses
+from shsa_core.derivations.agreement import Suspicion, Witnesses
 from shsa_core.derivations.calibrations import Calibrations
 from shsa_core.derivations.evaluation import Derivations
 from shsa_core.model.checks import BY_VALUE, Finding, judge
@@ -93,27 +93,21 @@ class Judgement:
 
     def _is_good(self, publisher: Publisher, event: Message) -> bool:
         """Fail the publisher if this is one bad message too many; tell if it is good."""
-        row, alibi = self._board.substitution(publisher), None
+        row = self._board.substitution(publisher)
         written = row.outputs if row is not None and event.topic in row.topics else None
         publisher.evidence.written = None if written is None else {e.field for e in written}
         good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
-        if failure is not None:
-            alibi = self._alibi(publisher, failure)
-            if alibi is not None:
-                good, failure = True, None
+        alibi = None if failure is None else self._alibi(publisher, failure)
+        if alibi is not None:
+            good, failure = True, None
         contradicted = self._compare(publisher, event, good)
-        if contradicted is not None and good:
+        for finding in filter(None, (contradicted if good else None, self._intrusion(publisher))):
             # Who was found wrong before its inputs failed is not excused by that.
-            excuse = None if publisher.state is FAILED else self._alibi(publisher, contradicted)
+            convicted = finding is contradicted and publisher.state is FAILED
+            excuse = None if convicted else self._alibi(publisher, finding)
             alibi = alibi or excuse
             if excuse is None:
-                good, failure = False, contradicted
-        intrusion = self._intrusion(publisher)
-        if intrusion is not None:
-            excuse = self._alibi(publisher, intrusion)
-            alibi = alibi or excuse
-            if excuse is None:
-                good, failure = False, intrusion
+                good, failure = False, finding
         if failure is not None and (publisher.state is not FAILED or publisher.kind in QUIET):
             self._board.fail(publisher, failure.kind, failure.detail)
         notable = publisher.detail or publisher.suspicions or publisher.evidence.unusual
@@ -133,7 +127,11 @@ class Judgement:
         named, time = zip(evidence.properties, message.values), message.time
         values = {name: v for name, v in named if v is not None and isfinite(v)}
         if self._derivations.heard(service, values, time, good and publisher.is_healthy):
-            self._witnesses.look(service, publisher.suspicions, values, time)
+            for suspect in self._witnesses.suspects[service.name]:
+                name = suspect.source.property
+                if name not in publisher.suspicions:
+                    publisher.suspicions[name] = Suspicion(suspect)
+                publisher.suspicions[name].look(values.get(name), time)
         suspicions = publisher.suspicions.values()
         sound = good and publisher.is_healthy and not any(each.doubtful for each in suspicions)
         sound = sound and not self._is_fed_badly(publisher, Kind.WITNESS)
@@ -173,11 +171,9 @@ class Judgement:
             blamed = self._board.is_replaced(publisher)  # if only by a former monitor
             case = replace(case, paced=blamed or evidence.rate_was_good)
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
-            confirmed = self._confirms(publisher, evidence.outside)
-            case = self._around.range(publisher, confirmed)
-        elif failure.kind is Kind.UNKNOWN_PUBLISHER:
-            case = replace(case, was_there=publisher.name in publisher.topic.there)
-        return decide(replace(case, fed_badly=self._is_fed_badly(publisher, failure.kind)))
+            case = self._around.range(publisher, self._confirms(publisher, evidence.outside))
+        there, fed_badly = publisher.topic.there, self._is_fed_badly(publisher, failure.kind)
+        return decide(replace(case, fed_badly=fed_badly, was_there=publisher.name in there))
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:
         """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""

@@ -37,7 +37,7 @@ class Monitor:
             Event,
             {
                 events.SomChanged: self._som_changed,
-                events.Subscribed: self._subscribed,
+                events.Subscribed: self._start_up.subscribed,
                 events.SubstitutionsChanged: self._substitutions_changed,
                 events.FormerlyHealthy: self._start_up.expect,
                 events.Connected: self._connected,
@@ -73,10 +73,9 @@ class Monitor:
 
     def service_of(self, topic: str, publisher: str) -> Optional[Service]:
         """Return the service for whose checks a publisher is read; None if nobody can tell."""
-        found = self._board.topics.get(topic)
+        found, known = self._board.topics.get(topic), self._board.find(topic, publisher)
         if found is None:
             return None
-        known = found.publishers.get(publisher)
         watched = known.watched if known else self._board.watched_of(found, publisher)
         return watched.service if watched.service.name else None
 
@@ -94,15 +93,9 @@ class Monitor:
             if self._som.of_topic(name) != before.of_topic(name):
                 self._watch(self._board.topics.setdefault(name, WatchedTopic(name)))
 
-    def _subscribed(self, event: events.Subscribed) -> None:
-        topic = self._board.topics.get(event.topic)
-        if topic is not None and not topic.subscribed:
-            self._start_up.subscribed(topic)
-
     def _watch(self, topic: WatchedTopic) -> None:
         """Watch a topic for the services that it has now."""
         board, due = self._board, self._board.now + self._settings.startup_grace
-        services = {name: publisher.service for name, publisher in topic.publishers.items()}
         for new in topic.serve(self._som.of_topic(topic.name), self._settings.deadlines, due):
             board.agenda.bring_forward(new, due)
         nobody = topic.publishers.get(NOBODY)
@@ -110,8 +103,7 @@ class Monitor:
             board.drop(nobody)
         for publisher in list(topic.publishers.values()):
             if publisher.name != NOBODY:
-                watched = board.watched_of(topic, publisher.name)
-                publisher.provide(watched, publisher.service != services[publisher.name])
+                publisher.provide(board.watched_of(topic, publisher.name))
                 board.touch(publisher)
                 board.notice(publisher)
                 board.look_when_due(publisher)
@@ -129,8 +121,7 @@ class Monitor:
                 publisher.retired = now is None
                 if now is None:
                     continue
-                watched = board.watched_of(publisher.topic, node)
-                publisher.provide(watched, watched is not publisher.watched)
+                publisher.provide(board.watched_of(publisher.topic, node))
                 board.touch(publisher)
                 board.look_when_due(publisher)
                 if publishes(before, name) and not publishes(now, name):

@@ -6,7 +6,7 @@ from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Word
 from shsa_core.model.service import Service
 from shsa_core.model.som import Som
-from shsa_core.monitoring.board import FAILED, Board
+from shsa_core.monitoring.board import FAILED, UNKNOWN, Board
 from shsa_core.monitoring.publishers import NOBODY, Publisher
 
 
@@ -24,15 +24,14 @@ class Condition(Word):
 class ServiceHealth:
     """One service, its condition in words, and the publishers that it comes from.
 
-    `messages`: the number of messages of each of these so far. `values`: what a healthy one told
+    `publishers`: with the number of messages of each so far. `values`: what a healthy one told
     last, by property.
     """
 
     service: Service
     condition: Condition
     detail: str
-    publishers: Tuple[PublisherHealth, ...]
-    messages: Tuple[int, ...]
+    publishers: Dict[PublisherHealth, int]
     values: Dict[str, float]
     deadline: str = ""  # the silence that its node is allowed; empty: it is not learned
     bridged: int = 0  # so often has a muted substitute filled in for it
@@ -47,35 +46,28 @@ def overview(som: Som, board: Board) -> Tuple[ServiceHealth, ...]:
 
 def _health(service: Service, board: Board, doubt: str) -> ServiceHealth:
     topic = board.topics[service.topic]
-    concerned = [
-        publisher
-        for publisher in topic.publishers.values()
-        if _concerns(publisher, service) and not board.is_muted(publisher)
-    ]
+    concerned = [p for p in topic.publishers.values() if _concerns(board, p, service)]
     own = (p.detail for p in concerned if p.name == service.node and p.was_logged)
     condition, detail = _condition(board, concerned)
     doubt = doubt or next(own, "")
     if condition is Condition.HEALTHY and doubt:
         condition, detail = Condition.DOUBTFUL, doubt
     shown = [each for each in concerned if each.name != NOBODY]
-    rows = tuple(each.row(board.ours) for each in shown)
-    counts = tuple(each.messages for each in shown)
-    values = {
-        name: value
-        for each in [each for each in shown if each.is_healthy][:1]
-        for name, value in zip(each.evidence.properties, each.values or ())
-        if value is not None
-    }
+    rows = {each.row(board.ours): each.messages for each in shown}
+    healthy = [each for each in shown if each.is_healthy][:1]
+    told = (pair for p in healthy for pair in zip(p.evidence.properties, p.values or ()))
+    values = {name: value for name, value in told if value is not None}
     watched = topic.services[service.name]
     gaps = watched.gaps
     deadline = "" if gaps is None else f"{gaps.allowed:.3f} s, {gaps.told()}"
-    told = rows, counts, values, deadline, watched.bridged
-    return ServiceHealth(service, condition, detail, *told)
+    return ServiceHealth(service, condition, detail, rows, values, deadline, watched.bridged)
 
 
-def _concerns(publisher: Publisher, service: Service) -> bool:
+def _concerns(board: Board, publisher: Publisher, service: Service) -> bool:
     """Tell if it publishes for a service, or on its topic without anybody knowing what for."""
     name = publisher.service.name
+    if publisher.state is UNKNOWN and board.may_be_silent(publisher):
+        return False  # it stands by
     return name == service.name or (not name and publisher.name != NOBODY)
 
 

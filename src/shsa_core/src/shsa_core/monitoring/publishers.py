@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Callable, Dict, List, Optional, Sequence, Set, Tuple
 
-from shsa_core.backlog import Backlog
 from shsa_core.derivations.agreement import Suspicion
 from shsa_core.model.checks import Check, Checks
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
@@ -43,11 +42,11 @@ class WatchedService:
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""
-        self.service, self.deadline = service, _seconds(deadlines.of(service))
+        self.service, self.deadline = service, deadlines.of(service) or inf
         adaptive, before = service.deadline, self.gaps
         self.gaps = None
         if service.period is not None and isinstance(adaptive, AdaptiveDeadline):
-            limits = self.deadline, _seconds(deadlines.longest(service))
+            limits = self.deadline, deadlines.longest(service) or inf
             self.gaps = LearnedDeadline(service.period, adaptive.false_alarms, *limits, before)
 
     @property
@@ -130,13 +129,12 @@ class Publisher:
             self.silent_since = self.reconnects_until = time
             self.excused_until = -inf
 
-    def provide(self, watched: WatchedService, anew: bool = True) -> None:
-        """Provide a service from now on; `anew`: what was seen before does not count for it."""
-        name, before = self.service.name, self.evidence
-        self.watched = watched
-        if anew:
+    def provide(self, watched: WatchedService) -> None:
+        """Provide a service from now on: what was seen does not count for one that has changed."""
+        self.watched, before = watched, self.evidence
+        if self.service != before.service:
             self.begin_anew()
-            if self.service.name == name:
+            if self.service.name == before.service.name:
                 self.evidence.take_messages(before)
 
     def speaks(self, time: float) -> bool:
@@ -171,13 +169,6 @@ class Publisher:
         """Enter a state."""
         self.state, self.since, self.kind, self.detail = state, time, kind, detail
         self.excused_until = -inf
-
-    def mute(self, time: float) -> None:
-        """Begin anew once it publishes again."""
-        self.become(time, PublisherState.UNKNOWN)
-        self.begin_anew()
-        self.first_message = self.last_heard = self.silent_since = None
-        self.evidence.backlog = Backlog()
 
     def note_message(self, message: Message) -> None:
         """Count a message."""
@@ -248,7 +239,3 @@ class WatchedTopic:
 def without_numbers(text: str) -> str:
     """Return a text without its numbers; those that are part of a name stay."""
     return NUMBER.sub("", text)
-
-
-def _seconds(deadline: Optional[float]) -> float:
-    return inf if deadline is None else deadline

@@ -6,7 +6,7 @@ from typing import Iterator
 from shsa_core.model.kinds import Kind
 from shsa_core.monitoring.alibis import Case, decide
 from shsa_core.monitoring.board import FAILED, Board
-from shsa_core.monitoring.events import FormerlyHealthy
+from shsa_core.monitoring.events import FormerlyHealthy, Subscribed
 from shsa_core.monitoring.publishers import NOBODY, WatchedService, WatchedTopic
 from shsa_core.monitoring.settings import RECONNECT_S
 from shsa_core.monitoring.surroundings import Surroundings
@@ -37,8 +37,11 @@ class StartUp:
                 if topic.subscribed:
                     self._await(watched, min(watched.due, self._due(watched)))
 
-    def subscribed(self, topic: WatchedTopic) -> None:
+    def subscribed(self, event: Subscribed) -> None:
         """Give who publishes a topic its time from now on."""
+        topic = self._board.topics.get(event.topic)
+        if topic is None or topic.subscribed:
+            return
         topic.subscribed, topic.heard_from = True, self._board.now
         for watched in topic.services.values():
             watched.formerly = watched.formerly[0], self._board.now

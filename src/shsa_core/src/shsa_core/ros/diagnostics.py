@@ -84,16 +84,9 @@ class Diagnostics:
 def _row(
     name: str, level: int, text: str, values: Iterable[Tuple[str, str]] = (), of: str = ""
 ) -> DiagnosticStatus:
-    """Return a status; `of`: the node or the computer that it is about."""
-    pairs = [KeyValue(shown(key), shown(value)) for key, value in values]
+    """Return a status without empty values; `of`: the node or the computer that it is about."""
+    pairs = [KeyValue(shown(key), shown(value)) for key, value in values if value]
     return DiagnosticStatus(level, name, shown(text), of, pairs)
-
-
-def _service_row(
-    service: Service, level: int, text: str, values: Iterable[Tuple[str, str]] = ()
-) -> DiagnosticStatus:
-    pairs = [("topic", service.topic), *values]
-    return _row(service.name, level, text, pairs, service.node)
 
 
 def computer_row(met: Met) -> DiagnosticStatus:
@@ -127,8 +120,7 @@ class MonitorRows:
         self._shown = 0.0
 
     def __call__(self, services: Tuple[ServiceHealth, ...]) -> List[DiagnosticStatus]:
-        heard = (zip(each.publishers, each.messages) for each in services)
-        counts = {row.key: count for rows in heard for row, count in rows}
+        counts = {row.key: n for each in services for row, n in each.publishers.items()}
         now = clock.now()
         elapsed, known = now - self._shown, counts.keys() & self._counts.keys()
         rates = {key: (counts[key] - self._counts[key]) / elapsed for key in known}
@@ -136,19 +128,17 @@ class MonitorRows:
         return [self._row(each, rates, now) for each in services]
 
     def _row(self, health: ServiceHealth, rates: Rates, now: float) -> DiagnosticStatus:
-        told = [(p.publisher, self._publisher(p, rates, now)) for p in health.publishers]
-        if health.deadline:
-            told.append(("deadline", health.deadline))
-        if health.bridged:
-            told.append((BRIDGED, str(health.bridged)))
+        service, bridged = health.service, str(health.bridged or "")
+        told = [("topic", service.topic)]
+        told += [(p.publisher, self._publisher(p, rates, now)) for p in health.publishers]
+        told += [("deadline", health.deadline), (BRIDGED, bridged), (WEAKENED, service.weakened)]
         text, level = health.detail, CONDITIONS.get(health.condition, WARN)
         if health.condition is not Condition.HEALTHY:
             text = f"{health.condition}: {text}"
-        if health.service.weakened:
-            told.append((WEAKENED, health.service.weakened))
-            text, level = f"{text}; {WEAKENED}: {health.service.weakened}", max(level, WARN)
+        if service.weakened:
+            text, level = f"{text}; {WEAKENED}: {service.weakened}", max(level, WARN)
         told += [(name, f"{value:.9g}") for name, value in health.values.items()]
-        return _service_row(health.service, level, text, told)
+        return _row(service.name, level, text, told, service.node)
 
     def _publisher(self, row: PublisherHealth, rates: Rates, now: float) -> str:
         told = [str(each) for each in (row.state, row.kind, row.detail) if each]
@@ -200,22 +190,16 @@ def _master_row(master: MasterWatch) -> DiagnosticStatus:
 
 
 def _healing_row(service: Service, incident: Optional[Incident], also: Duties) -> DiagnosticStatus:
-    told = [(DUTIES, " and ".join(also[service.node]))] if service.node in also else []
+    told = {"topic": service.topic, DUTIES: " and ".join(also.get(service.node, ()))}
     if incident is None:
-        return _service_row(service, OK, "well", told)
-    values = {
-        "faulty node": incident.faulty_node,
-        "kind": str(incident.kind),
-        "substitute": incident.substitute,
-        "by": ", ".join(incident.relations),
-        "missing": ", ".join(incident.missing),
-        "stated error": ", ".join(
-            f"{path} {error.rms:.3g}"
-            for path, error in zip(incident.outputs, incident.errors)
-            if error is not None
-        ),
-        "kept out": "yes" if incident.kept_out else "",
-    }
-    told += [(key, value) for key, value in values.items() if value]
-    level = HEALINGS.get(incident.state, ERROR)
-    return _service_row(service, level, f"{incident.state}: {incident.detail}", told)
+        return _row(service.name, OK, "well", told.items(), service.node)
+    errors = zip(incident.outputs, incident.errors)
+    told["faulty node"] = incident.faulty_node
+    told["kind"] = str(incident.kind)
+    told["substitute"] = incident.substitute
+    told["by"] = ", ".join(incident.relations)
+    told["missing"] = ", ".join(incident.missing)
+    told["stated error"] = ", ".join(f"{path} {error.rms:.3g}" for path, error in errors if error)
+    told["kept out"] = "yes" if incident.kept_out else ""
+    level, text = HEALINGS.get(incident.state, ERROR), f"{incident.state}: {incident.detail}"
+    return _row(service.name, level, text, told.items(), service.node)

@@ -275,9 +275,8 @@ def _read(arguments: argparse.Namespace) -> Som:
 
 def _share(arguments: argparse.Namespace, som: Som) -> Som:
     """Return the part of a SOM that this monitor watches."""
-    if arguments.host:
-        return som.at((arguments.host,))
-    return som.at(arguments.beside, beside=True)
+    hosts = [arguments.host] if arguments.host else arguments.beside
+    return som.at(hosts, beside=not arguments.host)
 
 
 def _read_ontology(path: str) -> Ontology:
