@@ -8,12 +8,12 @@ import pytest
 SOURCE = Path(__file__).resolve().parent.parent / "src"
 CORE = SOURCE / "shsa_core" / "src" / "shsa_core"
 GATE = SOURCE / "shsa_gate" / "src" / "shsa_gate"
-LINES = {"": 29028, "healing": 4518, "monitoring": 2494, "ros": 8550}
+LINES = {"": 28559, "healing": 4435, "monitoring": 2450, "ros": 8441}
 """Lines at most, docstrings included, of a folder of the core package. To be lowered, not raised:
 28,000, 4,500, 3,000 and 9,000 are wanted.
 """
 FILES = {"healing": 19}
-GATE_LINES = 529
+GATE_LINES = 524
 """The same of the package of the gate."""
 CONSTANTS = 47
 """Constants of time in the cores and shells; 50 are wanted."""

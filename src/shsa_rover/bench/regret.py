@@ -62,7 +62,7 @@ def regrets(
         errors_of = calibrations.knowing(lost[0], predicted) if lost else predicted
         table = SourceTable(network, som.sources).excluding(lost)
         usable = network.executable
-        compared, _ = compare(table, usable, network.number(name), None, errors_of)
+        compared, _ = compare(table, usable, network.number(name), errors_of)
         truth = data.truth[name][lost_at:rows]
         found: List[Tuple[float, str]] = []
         for derivation in (rated.derivation for rated in compared):

@@ -216,7 +216,7 @@ def test_what_relations_share_is_searched_once(monkeypatch: pytest.MonkeyPatch) 
     knows = predictor(ontology, [X])
     assert knows is not None
     number = ontology.network.number("y")
-    found, complete = choice.compare(table, lambda function: True, number, None, knows)
+    found, complete = choice.compare(table, lambda function: True, number, knows)
     assert len(found) == 20 and complete
     assert len(made) == 1
 

@@ -88,24 +88,28 @@ def test_who_registers_again_is_told_of_publishers_that_did_so_before(
 ) -> None:
     """The master tells only of those that come later."""
     told: List[Any] = []
+    served: List[str] = []
     manager = SimpleNamespace(
         lock=threading.Lock(),
         get_publications=lambda: [("/ours", "x/Y")],
         get_subscriptions=lambda: [("/lost", "x/Y"), ("/known", "x/Y")],
     )
     master = SimpleNamespace(
-        getSystemState=lambda: [[], [["/known", ["/me"]]], []],
+        getSystemState=lambda: [[], [["/known", ["/me"]]], [["/me/known", ["/me"]]]],
         registerPublisher=lambda *_: ["http://consumer:1/"],
         registerSubscriber=lambda topic, *_: [f"http://publisher:1{topic}"],
-        registerService=lambda *_: None,
+        registerService=lambda service, *_: served.append(service),
     )
+    services = SimpleNamespace(get_services=lambda: [("/me/known", ""), ("/me/lost", "")])
     hear = lambda uri: SimpleNamespace(publisherUpdate=lambda *what: told.append((uri, *what)))
     monkeypatch.setattr(announce, "master_api", lambda: master)
     monkeypatch.setattr(announce, "node_api", hear)
     monkeypatch.setattr(rospy, "get_name", lambda: "/me")
     monkeypatch.setattr(rospy, "get_node_uri", lambda: "http://me:1/")
     monkeypatch.setattr(rospy.topics, "get_topic_manager", lambda: manager)
+    monkeypatch.setattr(rospy.impl.registration, "get_service_manager", lambda: services)
     announce.register_again()
+    assert served == ["/me/lost"], "whoever has followed us under our name would lose its own"
     assert told == [("http://me:1/", "/master", "/lost", ["http://publisher:1/lost"])]
 
 

@@ -176,13 +176,14 @@ class Gate:
         newest, period = self._newest, self._service.period
         judged = settings.JUDGED_LOOKS * SAMPLE_S
         old = judged if period is None else settings.OLD * period
-        if newest is None or event.time - newest.time > old:
+        if newest is None:
             return False
         publisher = newest.message.publisher
         rows = (row for row in self._rows.values() if row.node == publisher)
         both = (self._original.evidence, event.message), (self._derived, newest.message)
         said, derived = (dict(zip(of.properties, message.values or ())) for of, message in both)
-        return self._doubt.holds(said, derived, rows, event.time)
+        doubted = self._doubt.holds(said, derived, rows, event.time)
+        return doubted and event.time - newest.time <= old
 
     def _tell(self, before: Optional[Finding], after: Optional[Finding]) -> List[Command]:
         if (before is None) is (after is None) or self._muted:

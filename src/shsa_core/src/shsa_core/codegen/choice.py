@@ -44,8 +44,10 @@ def listing(
     given: Set[int] = set()
     if known is not None or prefer:
         pairs = zip_longest(numbers, limits)
-        how = known, prefer, refused
-        compared = [compare(table, usable, number, limit, *how) for number, limit in pairs]
+        compared = [
+            compare(table, usable, number, known, prefer, limit=limit, refused=refused)
+            for number, limit in pairs
+        ]
         complete = all(whole for _, whole in compared)
         parts = [rated for rated, _ in compared]
         for places in joined([len(each) for each in parts]):
@@ -74,9 +76,10 @@ def compare(
     table: SourceTable,
     usable: Optional[Usable],
     number: int,
-    limit: Optional[float],
     predictor: Optional[Predictor],
     prefer: Collection[str] = (),
+    *,
+    limit: Optional[float] = None,
     refused: bool = True,
 ) -> Tuple[List[Rated], bool]:
     """Return derivations of a property, best first, and whether there are no others.

@@ -8,13 +8,8 @@ from math import inf
 from typing import Dict, Iterable, Iterator, List, Mapping, Optional, Set, Tuple
 
 from shsa_core.codegen.plans import Plan
-<<<<<<< HEAD
-from shsa_core.codegen.program import Step, compile_periodic
+from shsa_core.codegen.program import CompiledProgram, compile_periodic
 from shsa_core.language.memory import sample_times
-=======
-from shsa_core.codegen.program import CompiledProgram, compile_program
-from shsa_core.language.memory import longest_gap, sample_times, spans
->>>>>>> less-monitoring
 from shsa_core.model.calibration import UNCALIBRATED, Calibration, Growth
 from shsa_core.model.error import Error
 from shsa_core.model.field import difference, is_angle

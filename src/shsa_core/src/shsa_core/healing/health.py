@@ -5,7 +5,7 @@ from math import inf
 from typing import Collection, DefaultDict, Dict, List, Optional, Set, Tuple
 
 from shsa_core.healing.events import FailureSeen, HealthSeen, ShowSom, WriteDown
-from shsa_core.healing.records import Healthy, Record, Template
+from shsa_core.healing.records import Healthy, Record
 from shsa_core.model.health import Key, PublisherHealth, PublisherState
 from shsa_core.model.kinds import Kind
 from shsa_core.model.names import RecentNames
@@ -188,24 +188,19 @@ class Health:
         if node:
             self.topics.setdefault(node, {})[topic] = None
         if row.is_well or row.last_good is not None:
-            self.was_well(row.key, row.last_message if row.is_well else b"")
+            self.templates.setdefault(row.key, b"")
             self._lives[row.key] = row.uri
             self._successors.pop(row.key, None)
+        if row.is_well and row.last_message:
+            self.templates[row.key] = row.last_message
         if row.kind is Kind.NODE_GONE:
             self.verified.discard(node)
-        well = Healthy(topic, node, row.since, row.uri)
+        well = Healthy(topic, node, row.since, self.templates.get(row.key, b""), row.uri)
         self._records.set(well.key, well if row.is_well else None)
         if not row.is_well or row.since <= self.excluded.get(node, row.since):
             return []
         del self.excluded[node]
         return [(topic, node) for topic in self.topics[node]]
-
-    def was_well(self, key: Key, message: bytes = b"") -> None:
-        """Note who has published a topic well, and a message of it that was."""
-        if message or key not in self.templates:
-            self.templates[key] = message
-            template = Template(*key, message)
-            self._records.set(template.key, template)
 
     def _forget(self, key: Key) -> None:
         topic, node = key
@@ -222,7 +217,6 @@ class Health:
             self._lives.pop(key, None)  # its name is not used again
             self._successors.pop(key, None)
             self.templates.pop(key, None)
-            self._records.set(f"template {topic} {node}", None)
 
     # A monitor is lost, or starts anew.
 

@@ -78,26 +78,17 @@ class ServiceRecord(Keyed):
 
 @dataclass(frozen=True)
 class Healthy(Keyed):
-    """A publisher that does well since a moment, and its address, as told last."""
+    """A publisher that does well since a moment, a message and the address of it, as told last."""
 
     KEY = "healthy {0.topic} {0.publisher}"
     topic: str
     publisher: str
     since: float
+    template: bytes = b""
     uri: str = ""
 
 
-@dataclass(frozen=True)
-class Template(Keyed):
-    """The last good message of who has ever published a topic well; empty: it is not known."""
-
-    KEY = "template {0.topic} {0.publisher}"
-    topic: str
-    publisher: str
-    message: bytes = b""
-
-
-Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy, Template]
+Record = Union[Counters, NodeRecord, ServiceRecord, IdleProcess, Healthy]
 
 
 def of_this_robot(

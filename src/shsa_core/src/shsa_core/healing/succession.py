@@ -12,7 +12,7 @@ from shsa_core.healing.core import Core
 from shsa_core.healing.events import Command, Log, ShowIncident
 from shsa_core.healing.health import MISSED
 from shsa_core.healing.incident import WAITING, State, Trigger
-from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord, Template
+from shsa_core.healing.records import Counters, Fate, Healthy, NodeRecord, ServiceRecord
 from shsa_core.healing.service import ServiceMachine
 from shsa_core.healing.settings import ANSWER_S
 from shsa_core.model.health import PublisherHealth, PublisherState
@@ -63,8 +63,6 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
         robot.names.next = max(robot.names.next, counters.names)
     for record in of(NodeRecord):
         core.nodes.recall(record)
-    for well in of(Template):
-        health.was_well((well.topic, well.publisher), well.message)
     for each in of(ServiceRecord):  # all of them, before any can end a process that it shares
         row, service = each.substitution, services.get(each.service)
         if row is not None:
@@ -90,8 +88,7 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
         return []
     since = record.since
     row = PublisherHealth(record.topic, node, PublisherState.HEALTHY, since, since, since)
-    message = robot.health.templates.get(row.key, b"")
-    row = replace(row, last_message=message, uri=record.uri)
+    row = replace(row, last_message=record.template, uri=record.uri)
     robot.health.recall(row)
     if ours:
         return []
@@ -101,12 +98,17 @@ def _recall(core: Core, record: Healthy) -> List[Command]:
 
 def _take_up_service(core: Core, event: events.Started, record: ServiceRecord) -> List[Command]:
     incident, row = record.incident, record.substitution
-    if record.service not in core.robot.som.services:
+    spec = core.robot.som.services.get(record.service)
+    if spec is None:
         if incident is not None and incident.ended is None:
             why = f"{incident.service} is not in the SOM any more."
             incident = replace(incident, state=State.ENDED, ended=event.time, detail=why)
         return [] if incident is None else [ShowIncident(incident)]
-    robot = core.robot
+    robot, templates = core.robot, core.robot.health.templates
+    if row is not None and row.template:
+        templates.setdefault((spec.topic, spec.node), row.template)
+    if incident is not None and incident.last_good is not None:
+        templates.setdefault((incident.topic, incident.faulty_node), b"")
     if incident is not None and incident.killed is None:
         node = incident.faulty_node
         if incident.kind in MISSED and robot.host_of(node):  # it may have been cut off, and be back

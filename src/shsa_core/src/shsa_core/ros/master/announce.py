@@ -36,15 +36,20 @@ def register_again() -> None:
     with manager.lock:  # rospy reads both without it, while another thread may register
         ours = manager.get_publications(), manager.get_subscriptions()
     calls = master.registerPublisher, master.registerSubscriber
-    for topics, register, rows in zip(ours, calls, master.getSystemState()):
-        known = {topic for topic, nodes in rows if rospy.get_name() in nodes}
+    *topics_known, services = map(_of_our_name, master.getSystemState())
+    for topics, register, known in zip(ours, calls, topics_known):
         for topic, kind in topics:
             if topic not in known:
                 others = register(topic, kind, uri)
                 if register == master.registerSubscriber:  # of later ones the master tells us
                     node_api(uri).publisherUpdate("/master", topic, others)
     for service, where in rospy.impl.registration.get_service_manager().get_services():
-        master.registerService(service, where, uri)
+        if service not in services:  # whoever has followed us under our name has it as well
+            master.registerService(service, where, uri)
+
+
+def _of_our_name(rows: Iterable[Tuple[str, List[str]]]) -> FrozenSet[str]:
+    return frozenset(name for name, nodes in rows if rospy.get_name() in nodes)
 
 
 def tell(subscribers: Iterable[str], topic: str, publishers: List[str]) -> None:
