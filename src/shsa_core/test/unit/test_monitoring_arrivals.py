@@ -63,6 +63,17 @@ def test_who_was_well_and_is_connected_but_silent_is_blamed_by_name() -> None:
     assert [each.publisher for each in bench.failures] == [NODE]
 
 
+def test_who_was_well_is_missed_though_another_one_is_heard_first() -> None:
+    """A substitute that fills in may be heard before the table says that it is one."""
+    bench = Bench(alone=True)
+    bench.send(FormerlyHealthy(bench.now, ((TOPIC, NODE),)))
+    bench.connect("/substitute_1")
+    bench.stream(10, node="/substitute_1")
+    bench.substitutes(("/substitute_1", False))
+    bench.wait(1.0)
+    assert [each.publisher for each in bench.failures] == [NODE]
+
+
 @pytest.mark.parametrize(
     "share, there, after", [(0.9, True, 15.0), (0.1, True, 1.0), (0.9, False, 1.0)]
 )

@@ -185,7 +185,7 @@ class Board:
         if not publisher.connected or self.may_be_silent(publisher):
             return
         if watched.service.event_driven:
-            watched.come()
+            watched.come(publisher.name)
         if publisher.last_heard is None:
             named = publisher.name == watched.service.node
             if watched.service.event_driven and named and publisher.state is UNKNOWN:

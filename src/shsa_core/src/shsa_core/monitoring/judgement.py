@@ -68,7 +68,7 @@ class Judgement:
         """Find a publisher not well that no consumer can hear; it is there, so nobody is missed."""
         watched = publisher.watched
         if publisher.name == watched.service.node and not watched.formerly[0]:
-            watched.come()
+            watched.come(publisher.name)
         if publisher.is_healthy and watched.heard:
             self._board.fail(publisher, Kind.SILENT, why)
             publisher.begin_anew()

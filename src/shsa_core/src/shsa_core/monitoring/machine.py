@@ -207,7 +207,7 @@ class Monitor:
         publisher.note_message(event)
         if previous is None or excused:
             self._board.look_when_due(publisher)
-        publisher.watched.come()
+        publisher.watched.come(publisher.name)
         publisher.watched.heard = True
         period, backlog = publisher.service.period or 0.0, publisher.evidence.backlog
         allowed = publisher.allowed if period else inf

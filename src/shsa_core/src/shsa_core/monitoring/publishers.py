@@ -36,9 +36,11 @@ class WatchedService:
     heard: bool = False  # a message that could be read
     bridged: int = 0  # so often did a muted substitute fill in for it
 
-    def come(self) -> None:
-        """Await nobody any more."""
-        self.came, self.due = True, inf
+    def come(self, publisher: str) -> None:
+        """Await nobody any more, but for one that did well under a former monitor."""
+        self.came = True
+        if self.formerly[0] in ("", publisher):
+            self.due, self.formerly = inf, ("", 0.0)
 
     def judge_by(self, service: Service, deadlines: Deadlines) -> None:
         """Judge by these numbers from now on."""

@@ -105,7 +105,8 @@ class StartUp:
             return
         watched.due = inf
         connected = [p for p in topic.publishers.values() if p.watched is watched]
-        guilty = [p for p in connected if p.connected and not board.may_be_silent(p)]
+        silent = [p for p in connected if p.connected and not p.is_healthy]
+        guilty = [p for p in silent if not board.may_be_silent(p)]
         blamed = min(guilty, key=lambda p: p.name != watched.service.node, default=None)
         if blamed is None:
             blamed = board.expect(topic, formerly or NOBODY)
