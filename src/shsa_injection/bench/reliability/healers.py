@@ -41,7 +41,7 @@ def die(rig: Rig, rng: random.Random) -> Figures:
         wait_until(up, PATIENCE_S, f"{healer} is back")
     figures["back"] = time.monotonic() - killed
     if stage in ("failing", "healing", "healed"):
-        rig.await_healed("/a", failed)
+        rig.await_healed("/a", killed if stage == "healed" else failed)
         if stage == "healed":
             figures["gap while healed"] = rig.outage("/a", killed)
         rig.bring_back("/first")
