@@ -110,7 +110,7 @@ class SubstituteNode:
             table_of = msg.Substitutions, self._table, self._signing, self._name
             TableSubscriber(names.SUBSTITUTIONS, *table_of)
             self._telling.put(self._failures)  # known before it has something to tell
-            if self._idle and not self._row.shared:
+            if self._row.idle and not self._row.shared:  # a first row may have come already
                 checked = self._signing.checked(names.FAILURES, msg.Failure)
                 hear = partial(self._signing.subscribe, names.FAILURES, checked)
                 self._telling.put(lambda: hear(self._failed))

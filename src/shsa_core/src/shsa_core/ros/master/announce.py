@@ -35,13 +35,13 @@ def register_again() -> None:
     manager, master, uri = rospy.topics.get_topic_manager(), master_api(), rospy.get_node_uri()
     with manager.lock:  # rospy reads both without it, while another thread may register
         ours = manager.get_publications(), manager.get_subscriptions()
-    calls = master.registerPublisher, master.registerSubscriber
+    calls = (master.registerPublisher, False), (master.registerSubscriber, True)
     *topics_known, services = map(_of_our_name, master.getSystemState())
-    for topics, register, known in zip(ours, calls, topics_known):
+    for topics, (register, subscribes), known in zip(ours, calls, topics_known):
         for topic, kind in topics:
             if topic not in known:
                 others = register(topic, kind, uri)
-                if register == master.registerSubscriber:  # of later ones the master tells us
+                if subscribes:  # of later ones the master tells us
                     node_api(uri).publisherUpdate("/master", topic, others)
     for service, where in rospy.impl.registration.get_service_manager().get_services():
         if service not in services:  # whoever has followed us under our name has it as well
