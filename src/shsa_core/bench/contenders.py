@@ -6,6 +6,8 @@ from typing import Callable, Protocol, Sequence, TypeVar
 
 from tqdm import tqdm
 
+from shsa_core.monitoring.settings import RATE_SECONDS
+
 from faults import FAULTS, Fault, Patient
 from graph import PATIENCE_S, Graph, ask_to_leave, shut_down
 from robot import NODE, TOPIC, Consumers, HealthyRobot, talker
@@ -15,6 +17,8 @@ from shsa_testing.waiting import wait_until
 from takeover import NEVER, Takeover, measured, with_steps, with_substitute
 
 MISSES = 5
+LASTS_S = 2.0
+"""Healing does not end what comes and goes: so long it is looked at before it is eased."""
 WAITED_S = 5.0
 """So long nobody answers a failure before it is taken that nobody ever does."""
 LAUNCH = """
@@ -93,6 +97,10 @@ class Healed:
 
     def await_well(self) -> None:
         self._robot.await_well()
+        if self._fault.eased:  # nobody is blamed for a rate that was never good
+            began, count = time.monotonic(), 2.0 * RATE_SECONDS / self.period
+            paced = lambda: len(self._consumers.rospy.since(began)) > count
+            wait_until(paced, PATIENCE_S, "the monitor knows the rate")
 
     def fail(self) -> Takeover:
         takeover = self.take_over()
@@ -113,6 +121,9 @@ class Healed:
             return incident is not None and incident.id > number and incident.state == "healed"
 
         wait_until(is_healed, PATIENCE_S, "the topic is healed")
+        if self._fault.eased:
+            time.sleep(LASTS_S)
+            self._fault.eased(patient)
         if robot.heard != NODE:  # a gate is heard whoever publishes
             return _once_over(consumers, failed_at, self.period)
         incident = robot.healing.latest(robot.topic)
@@ -120,7 +131,7 @@ class Healed:
         consumers.await_node(incident.substitute, failed_at)
         takeover = _once_over(consumers, failed_at, self.period)
         takeover = with_substitute(takeover, consumers, failed_at, incident)
-        if self._fault.at_once:
+        if not self._fault.eased:
             takeover = with_steps(takeover, consumers, failed_at, incident)
         return takeover
 

@@ -123,7 +123,7 @@ def show(rows: Takeovers, markdown: bool) -> None:
                 str(max(of("late"), default=0)),
             )
         )
-        if takeovers and FAULTS[BY_NAME[name].fault].at_once and takeovers[0].substitute:
+        if takeovers and not FAULTS[BY_NAME[name].fault].eased and takeovers[0].substitute:
             medians = [f"{summary(of(step + '_ms'))[0]:.1f}" for step in STEPS]
             steps.append((title, *medians, in_words(of("silence_ms"), digits)))
     print_table(

@@ -1,8 +1,8 @@
 """The faults of failover.py: what each does to a node that obeys `faulty_publisher`'s commands."""
 import os
 import signal
-from typing import Callable, Dict, NamedTuple
-
+from functools import partial
+from typing import Callable, Dict, NamedTuple, Optional
 
 from graph import shut_down
 from shsa_testing.faulty_publisher import FaultHandle
@@ -45,29 +45,31 @@ def commanded(command: str) -> Cause:
     return lambda patient: patient.commands.fault(command)
 
 
-def slow(patient: Patient) -> None:
+def slow(patient: Patient, times: float = SLOWED) -> None:
     """Publish seldom."""
-    patient.commands.fault(f"period {SLOWED * patient.period}")
+    patient.commands.fault(f"period {times * patient.period}")
 
 
 class Fault(NamedTuple):
     """A fault of a node.
 
-    `ends`: its process does, and nothing else moves `respawn="true"`. `at_once`: no good message
-    comes after it; else they come and go.
+    `ends`: its process does, and nothing else moves `respawn="true"`. `eased`: ends a fault in
+    which good messages come and go, as healing lets such a node live; None: none comes.
     """
 
     cause: Cause
     ends: bool = False
-    at_once: bool = True
+    eased: Optional[Cause] = None
 
 
 FAULTS: Dict[str, Fault] = {
     "kill -9": Fault(kill_hard, ends=True),
     "rosnode kill": Fault(leave, ends=True),
     "SIGSTOP": Fault(stop),
-    "slow": Fault(slow, at_once=False),
-    "intermittent": Fault(commanded(f"intermittent {SILENCES}"), at_once=False),
+    "slow": Fault(slow, eased=partial(slow, times=1)),
+    "intermittent": Fault(
+        commanded(f"intermittent {SILENCES}"), eased=commanded("intermittent 0 0")
+    ),
     "out of range": Fault(commanded("value 1000")),
     "not a number": Fault(commanded("nan 1")),
 }
