@@ -319,6 +319,19 @@ def test_one_that_returned_and_hangs_again_is_filled_in_for_as_before() -> None:
     assert after and after[0] <= last + BRIDGE + LOOK + 1e-4
 
 
+def test_one_that_comes_and_goes_is_filled_in_for_each_time() -> None:
+    robot = Robot(replace(bridges(), provider="/original")).stream(1.0).to(1.2)
+    for _ in range(3):
+        robot._note(robot.driver.change(bridges(publishing=True, bridge=0.0)))
+        robot.to(robot.driver.time + CHANGEOVER_S)
+        robot._note(robot.driver.change(replace(bridges(), provider="/original")))
+        robot.stream(round(robot.driver.time + (STEADY - 1) * PERIOD, 9))
+        last = robot.original[-1]
+        robot.to(last + 0.1)
+        after = [time for time in robot.filled if time > last]
+        assert after and after[0] <= last + BRIDGE + LOOK + 1e-4
+
+
 def test_while_consumers_are_handed_over_to_a_returning_original_nobody_is_filled_in_for() -> None:
     robot = Robot(bridges(publishing=True, bridge=0.0, original="/original")).to(1.0).speaks(1.0)
     robot._note(robot.driver.change(bridges(original="/original")))

@@ -40,6 +40,7 @@ class OtherPublishers:
         self._judged = -math.inf  # by then it knows of those whom we heard while it was
         self._publishing = self._yields = False
         self._deadline = math.inf
+        self._paced = "", ""  # whose pace it is: the topic, and the provider
         self._steady = 0  # times in a row that messages came, and were not late
         self._longest = self._gap = 0.0  # silences: of late, and before those that came last
         self._came, self._at_once = 1, 0.0  # messages at once, and what is less between them
@@ -56,9 +57,11 @@ class OtherPublishers:
         self.heals = row.on_partition is OnPartition.HEAL and topic != "" and begins
         listens = self.heals or row.yields
         listened = topic if listens or bridge else ""
-        same = (listened, row.provider) == (self.topic, self.provider)
-        if not bridge or not self.bridge or not same:
+        if not bridge or not self.bridge or (listened, row.provider) != (self.topic, self.provider):
+            self._leave()
+        if bridge and (listened, row.provider) != self._paced:  # one that returns keeps its pace
             self.forget()
+            self._paced = listened, row.provider
         if listened != self.topic:
             self.topic, self.heard = listened, Heard.NOBODY
             self._since = self._anybody = self._watch.now
@@ -72,6 +75,7 @@ class OtherPublishers:
     def forget(self) -> None:
         """Fill in for nobody until a row says so, and somebody was heard at a steady pace."""
         self.bridge, self._steady, self._longest, self._gap = 0.0, 0, 0.0, 0.0
+        self._paced = "", ""
         self._leave()
 
     def _leave(self) -> None:
