@@ -160,14 +160,14 @@ def test_what_cannot_be_verified_is_not_certain() -> None:
     kills = Kills(Robot().core.robot)
     kills.begin(10.0, KillNode("/n", "/x"))
     kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
-    (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
+    (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "", "it refuses"))
     assert over == KillOver(10.2, "/n", Outcome.UNSURE, "it refuses")
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
     kills = Kills(Robot().core.robot)
     kills.begin(10.0, KillNode("/n", "/x", if_dead=True))
-    (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
+    (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "", "an error"))
     assert over == KillOver(10.1, "/n", Outcome.SPARED)
 
 

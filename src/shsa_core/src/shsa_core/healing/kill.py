@@ -179,7 +179,7 @@ class Kills:
     def handle(self, event: KillEvent, speaks: bool = False, refused: bool = False) -> List[Said]:
         """Go on with the kill of one that `speaks` again; `refused`: it is ended as it comes up."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
-        if kill is None:
+        if kill is None or event.uri != self._health.dying[node]:  # it is late: of another life
             return []
         if isinstance(event, NodeFound):
             return [] if kill.where is not None else self._found(event, kill, speaks, refused)
@@ -259,7 +259,7 @@ class Kills:
         quick = where is Where.HERE and order.quick
         patience = self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S
         self.agenda.set(node, time + patience)
-        return [events.AskToLeave(node)]
+        return [events.AskToLeave(node, self._health.dying[node])]
 
     def doubt(
         self, time: float, node: str, rate: Optional[float], period: float, strained: bool
@@ -297,7 +297,7 @@ class Kills:
         gently, kill.answered = kill.answered, False
         kill.forced = not gently
         self.agenda.set(node, time + (limits.TERM_S if gently else limits.EXIT_TIMEOUT_S))
-        return [events.EndProcess(node, gently)]
+        return [events.EndProcess(node, self._health.dying[node], gently)]
 
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""
