@@ -103,11 +103,11 @@ def test_a_hot_substitute_elsewhere_is_not_taken_for_one_here_by_the_next() -> N
     assert only(lost(heir, 25.0, BOARD), events.StartSubstitute).host == ""
 
 
-def test_what_no_warm_service_needs_any_more_does_not_stay_on_a_lost_computer() -> None:
+def test_what_no_warm_service_needs_any_more_does_not_stay_on_another_computer() -> None:
     robot = distributed(standby=Standby.WARM)
     (row,) = robot.idle_rows()
-    robot.handle(events.SomChanged(5.0, som()))
-    assert row.node in stopped(lost(robot, 10.0, BOARD)) and robot.idle_rows() == []
+    assert row.node in stopped(robot.handle(events.SomChanged(5.0, som())))
+    assert robot.idle_rows() == []
 
 
 # The node's computer is lost

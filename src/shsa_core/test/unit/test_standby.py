@@ -119,6 +119,15 @@ def test_the_table_tells_idle_processes_what_the_plans_of_warm_services_read_and
     assert len(robot.idle_rows()) == 1
 
 
+def test_idle_processes_end_once_no_service_is_warm_and_are_back_at_once() -> None:
+    robot = Robot(standby("warm"))
+    (idle,) = robot.idle_rows()
+    said = robot.handle(events.SomChanged(5.0, standby("cold")))
+    assert only(said, events.StopNode).node == idle.node and not robot.idle_rows()
+    assert not has(robot.handle(events.Tick(30.0)), events.StartSubstitute)
+    assert has(robot.handle(events.SomChanged(31.0, robot.som)), events.StartSubstitute)
+
+
 def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
     robot = Robot(standby("warm"))
     idle = only(robot.said, events.StartSubstitute)

@@ -150,7 +150,7 @@ def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby
     assert not has(commands, events.StartSubstitute) and not has(commands, events.StopNode)
     robot.handle(events.GraphSeen(20.3, (("/a", ()),)))
     gone = robot.idle(20.4)
-    assert standby is Standby.WARM or not robot.core._processes.nodes, gone
+    assert not robot.core._processes.nodes, gone
 
 
 def test_a_process_that_nothing_tells_of_is_ended() -> None:
@@ -251,6 +251,21 @@ def test_a_message_of_who_was_not_heard_before_it_failed_is_still_known() -> Non
     robot.handle(events.HealthSeen(10.0, (unheard,)))
     succeed(robot, 11.0, tuple(row.node for row in robot.working()))
     assert [row.template for row in robot.working()] == [b"well"]
+
+
+def test_the_last_message_of_what_nothing_could_heal_is_still_known() -> None:
+    """Though the monitor has died as well, and knows nothing of it."""
+    robot = Robot(Som([service("a", A, needed=True), service("b", B)]), pool=0)
+    robot.row("/b", B, "failed", 5.0)
+    lost = PublisherHealth("/a", A, PublisherState.FAILED, 10.0, 1.0, 9.9, Kind.NODE_GONE)
+    robot.rows["/a", A] = replace(lost, last_message=b"well")
+    assert last_incident(robot.table(10.0)).state is State.UNHEALED
+    succeed(robot, 20.0)
+    robot.rows.clear()
+    robot.row("/b", B, "healthy", 21.0)
+    robot.table(21.0)
+    robot.handle(events.Tick(30.0))
+    assert [row.last_message for row in robot.working()] == [b"well"]
 
 
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:

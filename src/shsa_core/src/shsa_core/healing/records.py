@@ -64,7 +64,8 @@ class NodeRecord(Keyed):
 class ServiceRecord(Keyed):
     """The standing of a service: its incident, the fate of its node, its substitute's row.
 
-    Its `kind` of failure may be another than the incident's.
+    Its `kind` of failure may be another than the incident's. `last_message`: as in that row, where
+    there is none.
     """
 
     KEY = "service {0.service} {0.topic}"
@@ -74,6 +75,7 @@ class ServiceRecord(Keyed):
     kind: Kind = Kind.OTHER
     fate: Fate = Fate.NONE
     substitution: Optional[Substitution] = None
+    last_message: bytes = b""
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,7 @@ class Pool:
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
-        wanted = self._wanted
-        left = lambda host: (wanted and host not in wanted) or computers.lost(host)
+        left = lambda host: host not in self._wanted or computers.lost(host)
         return [each.node for each in self.processes.values() if left(each.host)]
 
     def spare(self, host: str, speak: Container[str] = ()) -> Optional[IdleProcess]:
