@@ -131,15 +131,14 @@ class LocalHost:
         self._tell(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
-        node = command.node
+        node, life = command.node, command.uri
         found = self.nodes.find(command)
         sent = None
         if command.listen and found.where is Where.HERE:
             with suppress(*FAILURES):
                 uri = self.nodes.uri(node)
                 sent = rate(uri, command.topic, command.listen) if uri else None
-        seen = *found, self._starter(node), sent, command.uri
-        self._tell(events.NodeFound(clock.now(), node, *seen))
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent, life))
 
     def _starter(self, node: str) -> str:
         known = self.nodes.known(node)
