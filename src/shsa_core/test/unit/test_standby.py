@@ -138,6 +138,21 @@ def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
     assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
 
 
+def test_the_pause_grows_no_more_once_one_was_set_to_work() -> None:
+    robot = Robot(standby("warm"))
+    for time, pause in ((2.0, 2.0), (5.0, 4.0)):
+        (idle,) = robot.idle_rows()
+        robot.handle(events.ProcessExited(time, idle.node, "status 1"))
+        assert robot.core.deadline == time + pause
+        robot.handle(events.Tick(time + pause))
+    robot.heard(assigned(robot.fail("/a", A, 30.0)), 30.1)
+    robot.handle(events.Tick(31.0))
+    (idle,) = robot.idle_rows()
+    robot.handle(events.ProcessExited(32.0, idle.node, "status 1"))
+    assert not has(robot.handle(events.Tick(33.9)), events.StartSubstitute)
+    assert has(robot.handle(events.Tick(34.0)), events.StartSubstitute)
+
+
 def test_a_hot_topic_has_a_muted_substitute_that_publishes_at_once() -> None:
     robot = Robot(standby("hot"))
     start = only(robot.said, events.StartSubstitute)

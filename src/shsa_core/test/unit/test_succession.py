@@ -316,6 +316,25 @@ def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> 
     assert only(commands, events.StopNode).node == node
 
 
+def test_an_incident_that_ended_before_the_last_event_is_not_told_again() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    robot.back(12.0)
+    robot.handle(events.Tick(15.0))
+    robot.handle(events.Tick(15.1))
+    assert not has(succeed(robot, 15.2), events.ShowIncident)
+
+
+def test_who_did_well_is_missed_once_though_a_new_monitor_tells_more() -> None:
+    robot = Robot()
+    rows = tuple(robot.rows.values())
+    for time, began in ((5.0, 1), (6.0, 2)):
+        robot.handle(events.HealthSeen(time, rows, whole=True, began=began))
+    robot.handle(events.HealthSeen(7.0, rows[1:], began=2))
+    robot.handle(events.Tick(30.0))
+    assert robot.core.robot.health.well("/a") == [A]
+
+
 def test_an_incident_is_told_that_ended_as_another_began_since_the_som_moved_its_topic() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "silent")
