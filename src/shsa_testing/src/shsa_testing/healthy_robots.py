@@ -9,7 +9,7 @@ from functools import partial
 from math import cos, inf, nan
 from pathlib import Path
 from random import Random
-from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple, Union
 
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
@@ -501,7 +501,7 @@ class HealthyRobot:
             told = f"{incident.faulty_node} on {incident.topic}: {incident.kind}"
             self.found.incidents.append(f"{self.now - 100.0:.2f} s: {told}: {incident.evidence}")
 
-    def _ended(self, command: healing.LifeCommand) -> None:
+    def _ended(self, command: Union[healing.AskToLeave, healing.EndProcess]) -> None:
         name = command.node
         node = self._nodes.get(name)
         if node is not None and node.up:

@@ -337,23 +337,20 @@ class FindNode(NodeCommand):
 
 
 @dataclass(frozen=True)
-class LifeCommand(NodeCommand):
-    """Something is to be done with the life of a node that was found; `uri`: as in FindNode."""
+class AskToLeave(NodeCommand):
+    """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
 
     uri: str = ""
 
 
-class AskToLeave(LifeCommand):
-    """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
-
-
 @dataclass(frozen=True)
-class EndProcess(LifeCommand):
+class EndProcess(NodeCommand):
     """`kill -9` the process of a node; answered by NodeLeft or ProcessUntouchable.
 
     `gently`: by SIGTERM, so that it can still clean up.
     """
 
+    uri: str = ""
     gently: bool = False
 
 

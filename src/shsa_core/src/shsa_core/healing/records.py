@@ -64,8 +64,7 @@ class NodeRecord(Keyed):
 class ServiceRecord(Keyed):
     """The standing of a service: its incident, the fate of its node, its substitute's row.
 
-    Its `kind` of failure may be another than the incident's. `last_message`: as in that row, where
-    there is none.
+    Its `kind` of failure may be another than the incident's. `last_message`: where no row has it.
     """
 
     KEY = "service {0.service} {0.topic}"

@@ -62,7 +62,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
         robot.incidents = max(robot.incidents, counters.incidents)
         robot.names.next = max(robot.names.next, counters.names)
     for record in of(NodeRecord):
-        core.nodes.recall(record)
+        core.nodes.trust(record.node, record.trust)
     for each in of(ServiceRecord):  # all of them, before any can end a process that it shares
         row, service = each.substitution, services.get(each.service)
         if row is not None:
