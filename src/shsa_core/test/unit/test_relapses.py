@@ -232,6 +232,17 @@ def test_one_that_still_runs_is_not_called_kept_out() -> None:
     assert last_incident(robot.back(23.0)).state is State.RETURNING
 
 
+def test_who_is_kept_out_is_watched_for_by_one_word() -> None:
+    robot = Robot(switches=1)
+    robot.heal(10.0)
+    robot.back(20.0)
+    robot.fail("/a", A, 21.0)
+    robot.killed(21.1, A)
+    for time in (22.0, 23.0):
+        robot.handle(events.Tick(time))
+    assert only(robot.said, events.WatchNodes).nodes == (A,)
+
+
 def test_a_node_that_alone_gives_another_topic_is_let_in() -> None:
     som = changed(Som([*SHARED, SOM.services["c"]]), "d", policy=Policy.ADVISE)
     robot = Robot(som, WITH_D, switches=1)

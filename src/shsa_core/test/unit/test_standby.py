@@ -14,6 +14,7 @@ from core_robot import (
     has,
     last_incident,
     only,
+    program_of,
     publishing,
     reads,
     service,
@@ -172,6 +173,13 @@ def test_a_hot_substitute_follows_the_plan_in_the_same_process() -> None:
     commands = robot.table(5.0) + robot.idle(5.0)
     assert assigned(commands) == node
     assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
+
+
+def test_what_fails_with_the_original_is_no_input() -> None:
+    robot = Robot(standby("cold"))
+    for topic, node in (("/a", A), ("/b", B)):
+        robot.row(topic, node, "failed", 10.0)
+    assert program_of(robot.table(10.0)).inputs == ("/c/data",)
 
 
 def test_a_hot_substitute_whose_input_died_with_the_original_is_not_used_as_it_is() -> None:
@@ -333,6 +341,7 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     (row,) = robot.idle_rows()
     commands = robot.handle(events.ProcessPulse(30.0, row.node, False))
     assert only(commands, events.StopNode).node == row.node
+    assert not has(robot.handle(events.Tick(31.9)), events.StartSubstitute)
     start = only(robot.handle(events.Tick(32.0)), events.StartSubstitute)
     assert [each.node for each in robot.idle_rows()] == [start.node]
 

@@ -260,7 +260,7 @@ class Placement:
             ("bytes/s", limits.link, computer.link, link, takes.link),
         ):
             total = busy + more + needed
-            if limit is not None and needed > 0.0 and total > limit:
+            if limit is not None and total > limit:
                 placed = f" + {more:.4g} placed lately" if lately else ""
                 sums = f"{busy:.4g} busy{placed} + {needed:.4g} for it = {total:.4g} {what}"
                 return f"{sums} of {limit:.4g}"

@@ -91,9 +91,9 @@ class Pool:
     def died(self, time: float, node: str) -> None:
         """Note that an idle process has ended by itself; the next pause is longer each time."""
         idle = self._remove(node)
-        early = time - idle.started <= LONGEST_START_S
-        self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
-        self._refill_at[idle.host] = time + self._pause(max(0, deaths - 1))
+        former = self._deaths.get(idle.host, 0) if time - idle.started <= LONGEST_START_S else 0
+        self._deaths[idle.host] = former + 1
+        self._refill_at[idle.host] = time + self._pause(former)
 
     def drop(self, node: str) -> None:
         """Note that an idle process is ended: another one is due at once where it is wanted."""
