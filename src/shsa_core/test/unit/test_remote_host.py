@@ -243,6 +243,15 @@ def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable)
     assert cable.host.is_reached and not cable.take(events.ProcessExited)  # it took that up
 
 
+def test_a_new_agent_awaits_the_nodes_that_the_former_did(cable: Cable) -> None:
+    watch = events.WatchNodes(("/a",))
+    cable.host.carry_out(watch, cable.now)
+    cable.done.clear()
+    cable.agent = AgentEnd(PATIENCE)
+    cable.pass_time(0.5)
+    assert cable.done == [watch]
+
+
 def test_an_end_that_was_told_is_not_told_again_to_a_new_agent(cable: Cable) -> None:
     cable.host.carry_out(SUBSTITUTE, cable.now)
     cable.tell(events.ProcessExited(0.0, SUBSTITUTE.node, "exit status 1"))

@@ -180,7 +180,6 @@ class RemoteHost:
                 self._wanted.add(node)
                 self._tell(self._ours(events.NodeRestarted(now, node), now))
         for node in sorted(self._wanted - self._found):
-            self._wanted.discard(node)
             self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in sorted(self._found - self._wanted):
             self._send(events.StopNode(node))
