@@ -196,7 +196,7 @@ def test_an_answer_about_the_former_life_says_nothing_of_the_next_one(late: even
     robot.handle(events.NodeFound(12.2, A, events.Where.HERE))
     assert only(robot.said, events.AskToLeave).uri == SECOND
     robot.handle(events.Tick(13.3))
-    assert only(robot.said, events.EndProcess).uri == SECOND
+    assert only(robot.said, events.EndProcess) == events.EndProcess(A, SECOND, gently=False)
 
 
 def test_what_a_user_s_monitor_tells_is_told_of_the_life_that_was_heard() -> None:
