@@ -67,9 +67,11 @@ class Robot:
         self._waiting: Deque[events.Event] = deque()
         self._answers: Dict[type, Callable[[Any], Optional[events.Event]]] = {
             events.LearnNode: lambda c: events.NodeLearned(self.time, c.node, True),
-            events.FindNode: lambda c: events.NodeFound(self.time, c.node, events.Where.DEAD),
-            events.AskToLeave: lambda c: events.NodeLeft(self.time, c.node),
-            events.EndProcess: lambda c: events.NodeLeft(self.time, c.node),
+            events.FindNode: lambda c: events.NodeFound(
+                self.time, c.node, events.Where.DEAD, uri=c.uri
+            ),
+            events.AskToLeave: lambda c: events.NodeLeft(self.time, c.node, c.uri),
+            events.EndProcess: lambda c: events.NodeLeft(self.time, c.node, c.uri),
             events.StartSubstitute: self._started,
             events.ShowSubstitutions: self._shown,
         }

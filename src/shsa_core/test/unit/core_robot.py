@@ -4,6 +4,7 @@ from typing import Any, Dict, List, Optional, Sequence, Set, Tuple, Type, TypeVa
 
 from shsa_core.healing import events
 from shsa_core.healing.incident import Incident
+from shsa_core.healing.kill import KILL_EVENTS
 from shsa_core.healing.machine import Reconfigurator
 from shsa_core.healing.records import Record
 from shsa_core.healing.settings import Settings
@@ -130,7 +131,12 @@ class Robot:
         return commands + self.handle(events.ProcessUntouchable(time, node))
 
     def handle(self, event: events.Event) -> List[events.Command]:
-        """An event, and what the reconfigurator wants done, once that is written down."""
+        """An event, and what the reconfigurator wants done, once that is written down.
+
+        An answer of a kill is about the life that is killed, unless it names another.
+        """
+        if isinstance(event, KILL_EVENTS) and not event.uri:
+            event = replace(event, uri=self.core.robot.health.dying.get(event.node, ""))
         commands = self.core.handle(event)
         self.core.validate()
         first = commands[0] if commands else None

@@ -189,13 +189,13 @@ class HealedPlant:
 
     # What healing does
 
-    def _end(self, node: str) -> None:
+    def _end(self, node: str, uri: str) -> None:
         if self.plant.up.get(node):
             innocent = self.plant.healthy(node) and node not in self.asked
             self.killed.append((node, innocent))
             self.plant.up[node] = False
             self.sense()
-        self.hear(events.NodeLeft(self.now, node))
+        self.hear(events.NodeLeft(self.now, node, uri))
 
     def _LearnNode(self, command: events.LearnNode) -> None:
         why = "it is required" if command.node in self.protected else ""
@@ -206,15 +206,16 @@ class HealedPlant:
         def answer() -> None:
             up = self.plant.up.get(command.node)
             where = Where.NOWHERE if up is None else Where.HERE if up else Where.DEAD
-            self.hear(events.NodeFound(self.now, command.node, where))
+            self.hear(events.NodeFound(self.now, command.node, where, uri=command.uri))
 
         self.later(self.random.uniform(0.001, 0.01), answer)
 
     def _AskToLeave(self, command: events.AskToLeave) -> None:
-        self.later(self.random.uniform(0.001, 0.2), lambda: self._end(command.node))
+        end = lambda: self._end(command.node, command.uri)
+        self.later(self.random.uniform(0.001, 0.2), end)
 
     def _EndProcess(self, command: events.EndProcess) -> None:
-        self.later(0.001, lambda: self._end(command.node))
+        self.later(0.001, lambda: self._end(command.node, command.uri))
 
     def _RestartNode(self, command: events.RestartNode) -> None:
         def start() -> None:

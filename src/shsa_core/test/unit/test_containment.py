@@ -207,6 +207,14 @@ def test_a_wrong_node_is_ended_for_the_last_resort_of_its_topic(resort: LastReso
     assert only(robot.fail("/a", A, 10.0, "out_of_range"), events.FindNode).node == A
 
 
+def test_what_a_running_substitute_reads_is_no_cost_where_another_law_will_do() -> None:
+    som = Som([service("a", A, needed=True), service("b", B), service("d", B, needed=True)])
+    ontology = replace(BOTH, functions=[*ONTOLOGY.functions, function("dc", "d", "c", 0.9)])
+    robot = Robot(Som([*som, service("c", C)]), ontology)
+    robot.heal(10.0)
+    assert only(robot.fail("/d", B, 20.0, "out_of_range"), events.FindNode).node == B
+
+
 def test_what_a_running_substitute_reads_is_a_cost() -> None:
     som = Som([service("a", A, needed=True), service("b", B), service("d", B, needed=True)])
     ontology = replace(BOTH, functions=[ONTOLOGY.functions[0], function("d_by_c", "d", "c", 0.9)])

@@ -99,14 +99,17 @@ def test_a_node_is_not_killed_for_being_slow_where_too_much_is_to_be_done() -> N
 
 
 def test_who_is_slow_now_and_then_is_not_slow_for_good() -> None:
-    looks, slow = Kills(Robot().core.robot), (28.0, 0.02, False)
-    for time in (0.0, 2.6):
-        assert looks.doubt(time, A, *slow)
+    looks = Kills(Robot().core.robot)
+
+    def doubted(time: float, rate: float = 28.0) -> bool:
+        found = events.NodeFound(time, A, events.Where.HERE, rate=rate)
+        return looks.doubt(found, 0.02) is not None
+
+    assert doubted(0.0) and doubted(2.6)
     looks.forget(A)
-    for time in (20.0, 22.6):
-        assert looks.doubt(time, A, *slow)
-    assert looks.doubt(25.0, A, 50.0, 0.02, False) and looks.doubt(26.0, A, *slow)
-    assert looks.doubt(30.0, A, *slow) is None
+    assert doubted(20.0) and doubted(22.6)
+    assert doubted(25.0, 50.0) and doubted(26.0)
+    assert not doubted(30.0)
 
 
 def test_that_a_node_is_killed_is_not_promised_before_its_computer_was_asked() -> None:

@@ -103,11 +103,11 @@ def test_a_hot_substitute_elsewhere_is_not_taken_for_one_here_by_the_next() -> N
     assert only(lost(heir, 25.0, BOARD), events.StartSubstitute).host == ""
 
 
-def test_what_no_warm_service_needs_any_more_does_not_stay_on_a_lost_computer() -> None:
+def test_what_no_warm_service_needs_any_more_does_not_stay_on_another_computer() -> None:
     robot = distributed(standby=Standby.WARM)
     (row,) = robot.idle_rows()
-    robot.handle(events.SomChanged(5.0, som()))
-    assert row.node in stopped(lost(robot, 10.0, BOARD)) and robot.idle_rows() == []
+    assert row.node in stopped(robot.handle(events.SomChanged(5.0, som())))
+    assert robot.idle_rows() == []
 
 
 # The node's computer is lost
@@ -152,8 +152,8 @@ def test_a_wrong_node_on_a_lost_computer_may_still_run_and_is_killed_when_it_is_
     robot = distributed(standby=Standby.HOT)
     lost(robot, 9.9, PI)
     robot.failure("/a", A, 10.0, "out_of_range", "99 is out of range.", 9.0)
-    commands = robot.handle(events.NodeFound(10.1, A, events.Where.UNREACHABLE))
-    assert "/a_node may still run: its computer cannot be reached." in str(commands)
+    commands = robot.handle(events.NodeFound(10.1, A, events.Where.UNREACHABLE, "it is cut off"))
+    assert "/a_node may still run: it is cut off." in str(commands)
     assert publishing(robot) == (True,)  # it is not heard here
     incident = last_incident(commands)
     assert incident.killed is None and "may still run" in incident.detail
@@ -184,8 +184,8 @@ def test_a_node_that_is_to_start_again_on_a_lost_computer_is_waited_for() -> Non
 def test_where_nobody_says_on_which_computer_a_node_is_it_is_left_alone() -> None:
     robot = Robot()
     robot.fail("/a", A, 10.0, "out_of_range")
-    commands = robot.handle(events.NodeFound(10.1, A, events.Where.UNREACHABLE))
-    assert "/a_node may still be running: its computer cannot be reached" in str(commands)
+    commands = robot.handle(events.NodeFound(10.1, A, events.Where.UNREACHABLE, "as told"))
+    assert "/a_node may still be running: as told" in str(commands)
     assert publishing(robot) == (True,)
 
 

@@ -109,16 +109,16 @@ class AnyRobot(ObservedRobot):
     @rule(data=st.data(), where=st.sampled_from(list(events.Where)))
     def found(self, data: Any, where: events.Where) -> None:
         """An answer to FindNode, and what follows at once."""
-        killing = sorted(self.core.robot.health.dying)
+        killing = sorted(self.core.robot.health.dying.items())
         if killing:
-            node = data.draw(st.sampled_from(killing))
-            self.hear(events.NodeFound(self.now, node, where))
+            node, uri = data.draw(st.sampled_from(killing))
+            self.hear(events.NodeFound(self.now, node, where, uri=uri))
 
     @rule(data=st.data(), answer=st.sampled_from(KILL_EVENTS[1:]))
     def answered(self, data: Any, answer: Any) -> None:
-        killing = sorted(self.core.robot.health.dying)
+        killing = sorted(self.core.robot.health.dying.items())
         if killing:
-            self.hear(answer(self.now, data.draw(st.sampled_from(killing))))
+            self.hear(answer(self.now, *data.draw(st.sampled_from(killing))))
 
     @rule(data=st.data(), known=st.booleans())
     def late_or_lost(self, data: Any, known: bool) -> None:

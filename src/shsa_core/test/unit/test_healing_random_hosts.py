@@ -132,8 +132,8 @@ class AnyDistributedRobot(AnyRobot):
             self.lives_for = None
             for _ in range(CALM_S):
                 self.all_is_calm(1)
-                for node in sorted(self.core.robot.health.dying):
-                    self.hear(events.NodeFound(self.now, node, events.Where.DEAD))
+                for node, uri in sorted(self.core.robot.health.dying.items()):
+                    self.hear(events.NodeFound(self.now, node, events.Where.DEAD, uri=uri))
                 self.first_messages()
             for name, healing in self.core.services.items():
                 service = self.som.services[name]

@@ -170,6 +170,35 @@ def test_a_next_life_that_dies_as_the_former_does_is_gone_as_well() -> None:
     assert incident is not None and incident.killed is not None and robot.state is State.HEALED
 
 
+@pytest.mark.parametrize(
+    "late",
+    [
+        events.NodeFound(12.1, A, events.Where.DEAD, uri=FIRST),
+        events.NodeFound(12.1, A, events.Where.HERE, uri=FIRST),
+        events.NodeAnswered(12.1, A, FIRST),
+        events.NodeLeft(12.1, A, FIRST),
+        events.ProcessUntouchable(12.1, A, FIRST),
+    ],
+    ids=lambda event: type(event).__name__,
+)
+def test_an_answer_about_the_former_life_says_nothing_of_the_next_one(late: events.Event) -> None:
+    """As the process of one that was forced ends: both who asked it and who forced it tell."""
+    robot = Lives()
+    robot.tell(FIRST, "healthy", 5.0)
+    robot.tell(FIRST, "failed", 10.0, kind=BABBLES)
+    robot.handle(events.NodeFound(10.1, A, events.Where.HERE))
+    robot.tell(SECOND, "failed", 11.0, kind=BABBLES)
+    robot.handle(events.NodeLeft(12.0, A))
+    assert only(robot.said, events.FindNode).uri == SECOND
+    robot.said.clear()
+    robot.handle(late)
+    assert not robot.said and not any(row.publishing for row in robot.working())
+    robot.handle(events.NodeFound(12.2, A, events.Where.HERE))
+    assert only(robot.said, events.AskToLeave).uri == SECOND
+    robot.handle(events.Tick(13.3))
+    assert only(robot.said, events.EndProcess) == events.EndProcess(A, SECOND, gently=False)
+
+
 def test_what_a_user_s_monitor_tells_is_told_of_the_life_that_was_heard() -> None:
     """Its next one, which nobody has heard yet, is not ended for that."""
     robot = Lives()

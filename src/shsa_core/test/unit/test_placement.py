@@ -184,7 +184,8 @@ def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> No
         assert hosts.lose(PI, time - 1.0, "silent")
         assert not hosts.lose(PI, time - 1.0, "silent")
         assert hosts.lost(PI) == "silent" and not hosts.reachable(PI)
-        assert hosts.seen(time, PI, 0.0, 4.0) and hosts.reachable(PI)
+        hosts.seen(time, PI, 0.0, 4.0)
+        assert hosts.reachable(PI) and hosts.of(PI).steady == time
         assert not hosts.counts(PI, time + hold_off - 0.1)
         assert hosts.counts(PI, time + hold_off)
         assert hosts.settling.next() == time + max(hold_off, CERTAIN_S)
@@ -195,10 +196,10 @@ def test_a_computer_that_comes_back_counts_after_a_hold_off_that_doubles() -> No
 
 def test_a_gap_is_noticed_though_nobody_tells_of_a_loss() -> None:
     hosts = Computers()
-    assert hosts.seen(0.0, PI, 0.0, 4.0)
-    assert not hosts.seen(1.0, PI, 0.0, 4.0)
+    for time in (0.0, 1.0):
+        hosts.seen(time, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 0.0
-    assert hosts.seen(3.5, PI, 0.0, 4.0)
+    hosts.seen(3.5, PI, 0.0, 4.0)
     assert hosts.of(PI).steady == 3.5 and hosts.counts(PI, 3.5)
 
 

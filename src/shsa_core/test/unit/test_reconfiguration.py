@@ -138,12 +138,11 @@ def test_a_substitute_whose_process_dies_is_started_again_under_another_name() -
 def test_a_substitute_that_keeps_dying_makes_room_for_the_next_best() -> None:
     robot = Robot()
     node = robot.heal(10.0)
-    for time in (15.0, 16.0):
-        node = only(
-            robot.handle(events.ProcessExited(time, node, "status 1")), events.StartSubstitute
-        ).node
-    commands = robot.handle(events.ProcessExited(17.0, node, "status 1"))
-    assert program_of(commands).inputs == ("/c/data",)
+    for deaths, read in enumerate(["/b/data"] * 2 + ["/c/data"] * 3):
+        died = events.ProcessExited(15.0 + deaths, node, "status 1")
+        start = only(robot.handle(died), events.StartSubstitute)
+        node = start.node
+        assert program_of([start]).inputs == (read,)
 
 
 def test_without_a_substitute_it_says_what_is_missing_and_tries_when_one_appears() -> None:

@@ -19,8 +19,9 @@ from core_robot import (
     publishing,
     service,
 )
-from shsa_core.healing import events
+from shsa_core.healing import events, repair
 from shsa_core.healing.incident import State
+from shsa_core.healing.service import ServiceMachine
 from shsa_core.model.kinds import Policy
 from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
@@ -49,6 +50,23 @@ def test_where_relapses_do_not_count_the_hold_off_stays_as_it_is() -> None:
         assert robot.core.deadline == pytest.approx(time + 2.0)
         robot.fail("/a", A, time + 1.0)
         robot.killed(time + 1.01, A)
+
+
+def test_a_relapse_is_searched_for_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Robot()
+    node = robot.heal(10.0)
+    robot.back(12.0)
+    robot.handle(events.ProcessExited(12.1, node, "status 1"))
+    searches: List[str] = []
+    search = repair.search
+
+    def counted(service: ServiceMachine) -> object:
+        searches.append(service.spec.name)
+        return search(service)
+
+    monkeypatch.setattr(repair, "search", counted)
+    start = only(robot.fail("/a", A, 13.0), events.StartSubstitute)
+    assert searches == ["a"] and [row.node for row in robot.working()] == [start.node]
 
 
 def flap(robot: Robot, time: float) -> List[str]:
@@ -212,6 +230,17 @@ def test_one_that_still_runs_is_not_called_kept_out() -> None:
     robot.handle(events.NodeFound(22.0, A, events.Where.ANOTHER, "it closed its address"))
     assert not any("kept out" in e.text for e in robot.said if isinstance(e, events.Log))
     assert last_incident(robot.back(23.0)).state is State.RETURNING
+
+
+def test_who_is_kept_out_is_watched_for_by_one_word() -> None:
+    robot = Robot(switches=1)
+    robot.heal(10.0)
+    robot.back(20.0)
+    robot.fail("/a", A, 21.0)
+    robot.killed(21.1, A)
+    for time in (22.0, 23.0):
+        robot.handle(events.Tick(time))
+    assert only(robot.said, events.WatchNodes).nodes == (A,)
 
 
 def test_a_node_that_alone_gives_another_topic_is_let_in() -> None:

@@ -171,14 +171,16 @@ def test_an_agent_that_has_ended_is_given_time_to_be_started_again(cable: Cable)
 
 
 def test_whoever_waits_when_it_is_lost_is_answered_at_once(cable: Cable) -> None:
+    life = "http://pi:4001/"
     cable.whole = False
-    cable.host.carry_out(events.FindNode("/a"), cable.now)
+    cable.host.carry_out(events.FindNode("/a", uri=life), cable.now)
     cable.host.carry_out(SUBSTITUTE, cable.now)
     cable.pass_time(PATIENCE + 0.2)
-    assert [each.where for each in cable.take(events.NodeFound)] == [Where.UNREACHABLE]
-    assert len(cable.take(events.ProcessExited)) == 1
-    cable.host.carry_out(events.EndProcess("/a"), cable.now)
-    assert len(cable.take(events.ProcessUntouchable)) == 1
+    (found,) = cable.take(events.NodeFound)
+    assert (found.where, found.uri) == (Where.UNREACHABLE, life)
+    assert [each.started for each in cable.take(events.ProcessExited)] == [False]
+    cable.host.carry_out(events.EndProcess("/a", life), cable.now)
+    assert [each.uri for each in cable.take(events.ProcessUntouchable)] == [life]
     cable.host.carry_out(events.RestartNode("/a"), cable.now)
     assert len(cable.take(events.RestartFailed)) == 1
     cable.whole = True
@@ -241,6 +243,30 @@ def test_an_agent_that_was_started_anew_is_given_no_former_command(cable: Cable)
     assert cable.host.is_reached and not cable.take(events.ProcessExited)  # it took that up
 
 
+def test_a_new_agent_awaits_the_nodes_that_the_former_did(cable: Cable) -> None:
+    watch = events.WatchNodes(("/a",))
+    cable.host.carry_out(watch, cable.now)
+    cable.done.clear()
+    cable.agent = AgentEnd(PATIENCE)
+    cable.pass_time(0.5)
+    assert cable.done == [watch]
+
+
+def test_an_end_that_was_told_is_not_told_again_to_a_new_agent(cable: Cable) -> None:
+    cable.host.carry_out(SUBSTITUTE, cable.now)
+    cable.tell(events.ProcessExited(0.0, SUBSTITUTE.node, "exit status 1"))
+    cable.agent = AgentEnd(PATIENCE)
+    cable.pass_time(0.5)
+    assert cable.host.is_reached and len(cable.take(events.ProcessExited)) == 1
+
+
+def test_the_agent_hears_at_once_that_something_was_lost(cable: Cable) -> None:
+    session = cable.agent.session
+    cable.agent.said += 1
+    cable.say("")
+    assert cable.agent.session > session
+
+
 def test_what_runs_there_and_is_not_wanted_any_more_is_stopped(cable: Cable) -> None:
     cable.host.carry_out(SUBSTITUTE, cable.now)
     cable.host.carry_out(events.RestartNode("/a"), cable.now)
@@ -281,7 +307,8 @@ def test_a_restarted_node_that_is_found_late_goes_on(cable: Cable) -> None:
 
 @pytest.mark.parametrize("runs", [True, False])
 def test_what_has_become_of_a_restart_is_told_by_what_runs(cable: Cable, runs: bool) -> None:
-    cable.host.carry_out(events.RestartNode("/driver"), cable.now)
+    for command in (events.StopNode, events.RestartNode):  # it was ended once before
+        cable.host.carry_out(command("/driver"), cable.now)
     cable.running = ["/driver"] if runs else []
     cable.done.clear()
     cable.whole = False

@@ -14,6 +14,7 @@ from core_robot import (
     has,
     last_incident,
     only,
+    program_of,
     publishing,
     reads,
     service,
@@ -119,6 +120,15 @@ def test_the_table_tells_idle_processes_what_the_plans_of_warm_services_read_and
     assert len(robot.idle_rows()) == 1
 
 
+def test_idle_processes_end_once_no_service_is_warm_and_are_back_at_once() -> None:
+    robot = Robot(standby("warm"))
+    (idle,) = robot.idle_rows()
+    said = robot.handle(events.SomChanged(5.0, standby("cold")))
+    assert only(said, events.StopNode).node == idle.node and not robot.idle_rows()
+    assert not has(robot.handle(events.Tick(30.0)), events.StartSubstitute)
+    assert has(robot.handle(events.SomChanged(31.0, robot.som)), events.StartSubstitute)
+
+
 def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
     robot = Robot(standby("warm"))
     idle = only(robot.said, events.StartSubstitute)
@@ -127,6 +137,21 @@ def test_an_idle_process_that_dies_is_replaced_after_a_pause() -> None:
     )
     assert robot.core.deadline == 7.0
     assert has(robot.handle(events.Tick(7.0)), events.StartSubstitute)
+
+
+def test_the_pause_grows_no_more_once_one_was_set_to_work() -> None:
+    robot = Robot(standby("warm"))
+    for time, pause in ((2.0, 2.0), (5.0, 4.0)):
+        (idle,) = robot.idle_rows()
+        robot.handle(events.ProcessExited(time, idle.node, "status 1"))
+        assert robot.core.deadline == time + pause
+        robot.handle(events.Tick(time + pause))
+    robot.heard(assigned(robot.fail("/a", A, 30.0)), 30.1)
+    robot.handle(events.Tick(31.0))
+    (idle,) = robot.idle_rows()
+    robot.handle(events.ProcessExited(32.0, idle.node, "status 1"))
+    assert not has(robot.handle(events.Tick(33.9)), events.StartSubstitute)
+    assert has(robot.handle(events.Tick(34.0)), events.StartSubstitute)
 
 
 def test_a_hot_topic_has_a_muted_substitute_that_publishes_at_once() -> None:
@@ -148,6 +173,13 @@ def test_a_hot_substitute_follows_the_plan_in_the_same_process() -> None:
     commands = robot.table(5.0) + robot.idle(5.0)
     assert assigned(commands) == node
     assert reads(robot, node) == ("/c/data",) and publishing(robot) == (False,)
+
+
+def test_what_fails_with_the_original_is_no_input() -> None:
+    robot = Robot(standby("cold"))
+    for topic, node in (("/a", A), ("/b", B)):
+        robot.row(topic, node, "failed", 10.0)
+    assert program_of(robot.table(10.0)).inputs == ("/c/data",)
 
 
 def test_a_hot_substitute_whose_input_died_with_the_original_is_not_used_as_it_is() -> None:
@@ -309,6 +341,7 @@ def test_an_idle_process_that_hangs_is_ended_and_replaced() -> None:
     (row,) = robot.idle_rows()
     commands = robot.handle(events.ProcessPulse(30.0, row.node, False))
     assert only(commands, events.StopNode).node == row.node
+    assert not has(robot.handle(events.Tick(31.9)), events.StartSubstitute)
     start = only(robot.handle(events.Tick(32.0)), events.StartSubstitute)
     assert [each.node for each in robot.idle_rows()] == [start.node]
 

@@ -150,7 +150,7 @@ def test_what_is_needed_by_its_subscribers_keeps_what_stands_by(standby: Standby
     assert not has(commands, events.StartSubstitute) and not has(commands, events.StopNode)
     robot.handle(events.GraphSeen(20.3, (("/a", ()),)))
     gone = robot.idle(20.4)
-    assert standby is Standby.WARM or not robot.core._processes.nodes, gone
+    assert not robot.core._processes.nodes, gone
 
 
 def test_a_process_that_nothing_tells_of_is_ended() -> None:
@@ -253,6 +253,21 @@ def test_a_message_of_who_was_not_heard_before_it_failed_is_still_known() -> Non
     assert [row.template for row in robot.working()] == [b"well"]
 
 
+def test_the_last_message_of_what_nothing_could_heal_is_still_known() -> None:
+    """Though the monitor has died as well, and knows nothing of it."""
+    robot = Robot(Som([service("a", A, needed=True), service("b", B)]), pool=0)
+    robot.row("/b", B, "failed", 5.0)
+    lost = PublisherHealth("/a", A, PublisherState.FAILED, 10.0, 1.0, 9.9, Kind.NODE_GONE)
+    robot.rows["/a", A] = replace(lost, last_message=b"well")
+    assert last_incident(robot.table(10.0)).state is State.UNHEALED
+    succeed(robot, 20.0)
+    robot.rows.clear()
+    robot.row("/b", B, "healthy", 21.0)
+    robot.table(21.0)
+    robot.handle(events.Tick(30.0))
+    assert [row.last_message for row in robot.working()] == [b"well"]
+
+
 def test_a_node_that_was_started_again_is_known_to_the_next() -> None:
     som = Som([replace(SOM.services["a"], policy=Policy.RESTART_AND_SUBSTITUTE), *list(SOM)[1:]])
     robot = Robot(som)
@@ -299,6 +314,25 @@ def test_an_incident_that_ended_is_told_once_more_if_nobody_may_have_heard() -> 
     commands = succeed(robot, 15.1, (node,))
     assert last_incident(commands).state is State.ENDED
     assert only(commands, events.StopNode).node == node
+
+
+def test_an_incident_that_ended_before_the_last_event_is_not_told_again() -> None:
+    robot = Robot()
+    robot.heal(10.0)
+    robot.back(12.0)
+    robot.handle(events.Tick(15.0))
+    robot.handle(events.Tick(15.1))
+    assert not has(succeed(robot, 15.2), events.ShowIncident)
+
+
+def test_who_did_well_is_missed_once_though_a_new_monitor_tells_more() -> None:
+    robot = Robot()
+    rows = tuple(robot.rows.values())
+    for time, began in ((5.0, 1), (6.0, 2)):
+        robot.handle(events.HealthSeen(time, rows, whole=True, began=began))
+    robot.handle(events.HealthSeen(7.0, rows[1:], began=2))
+    robot.handle(events.Tick(30.0))
+    assert robot.core.robot.health.well("/a") == [A]
 
 
 def test_an_incident_is_told_that_ended_as_another_began_since_the_som_moved_its_topic() -> None:

@@ -149,6 +149,16 @@ def test_a_failure_that_is_told_of_another_topic_does_not_save_who_failed() -> N
     assert kills.handle(here) == [events.AskToLeave("/n")]
 
 
+def test_who_failed_on_none_of_the_topics_is_another() -> None:
+    kills = Kills(Robot().core.robot)
+    for topic in ("/x", "/y"):
+        kills.begin(10.0, KillNode("/n", topic))
+    another = events.NodeFound(10.1, "/n", Where.ANOTHER, "it does not publish that")
+    kills.handle(another)
+    (over,) = kills.handle(another)
+    assert isinstance(over, KillOver) and over.outcome is Outcome.ANOTHER
+
+
 def test_what_cannot_be_verified_is_not_certain() -> None:
     for where in (Where.UNKNOWN, Where.ANOTHER):
         kills = Kills(Robot().core.robot)
@@ -160,14 +170,14 @@ def test_what_cannot_be_verified_is_not_certain() -> None:
     kills = Kills(Robot().core.robot)
     kills.begin(10.0, KillNode("/n", "/x"))
     kills.handle(events.NodeFound(10.1, "/n", Where.ELSEWHERE))
-    (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "it refuses"))
+    (over,) = kills.handle(events.ProcessUntouchable(10.2, "/n", "", "it refuses"))
     assert over == KillOver(10.2, "/n", Outcome.UNSURE, "it refuses")
 
 
 def test_who_was_to_be_spared_is_spared_when_nothing_can_be_told() -> None:
     kills = Kills(Robot().core.robot)
     kills.begin(10.0, KillNode("/n", "/x", if_dead=True))
-    (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "an error"))
+    (over,) = kills.handle(events.ProcessUntouchable(10.1, "/n", "", "an error"))
     assert over == KillOver(10.1, "/n", Outcome.SPARED)
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from math import cos, inf, nan
 from pathlib import Path
 from random import Random
-from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple, Union
 
 from shsa_core.files.ontology_file import load_ontology
 from shsa_core.files.som_file import load_som
@@ -501,13 +501,13 @@ class HealthyRobot:
             told = f"{incident.faulty_node} on {incident.topic}: {incident.kind}"
             self.found.incidents.append(f"{self.now - 100.0:.2f} s: {told}: {incident.evidence}")
 
-    def _ended(self, command: healing.Command) -> None:
-        name: str = command.node  # type: ignore[union-attr]
+    def _ended(self, command: Union[healing.AskToLeave, healing.EndProcess]) -> None:
+        name = command.node
         node = self._nodes.get(name)
         if node is not None and node.up:
             self.found.kills.append(f"{self.now - 100.0:.2f} s: {name}")
             self._end(node, True, 1.0)
-        self._answer(healing.NodeLeft(self.now, name))
+        self._answer(healing.NodeLeft(self.now, name, command.uri))
 
     def _find(self, command: healing.FindNode) -> None:
         node, name = self._nodes.get(command.node), command.node
@@ -517,7 +517,8 @@ class HealthyRobot:
             where = healing.Where.HERE if same else healing.Where.ANOTHER
         elif node is not None:  # its process was learned, whatever the master says now
             where = healing.Where.DEAD
-        self._answer(healing.NodeFound(self.now, name, where, starter="roslaunch"))
+        seen = healing.NodeFound(self.now, name, where, starter="roslaunch", uri=command.uri)
+        self._answer(seen)
 
     def _clear(self, command: healing.ClearNode) -> None:
         node = self._nodes.get(command.node)

@@ -157,7 +157,7 @@ def plan_sources(
             except GenerationError as error:
                 refused = refused or error
                 continue
-            why = errs_too_much(plan)
+            why = errs_too_much(plan, plan.errors)
             if why:
                 too_wrong = too_wrong or why
             elif plan not in tried:
@@ -179,9 +179,9 @@ def plan_sources(
     raise AssertionError("what can be generated was found before")
 
 
-def errs_too_much(plan: Plan) -> str:
-    """Return why a plan is not used by its errors, in words; empty: it may be."""
-    for source, derivation, error in zip(plan.outputs, plan.derivations, plan.errors):
+def errs_too_much(plan: Plan, errors: Iterable[Optional[Error]]) -> str:
+    """Return why a plan is not used if it errs like that, in words; empty: it may be."""
+    for source, derivation, error in zip(plan.outputs, plan.derivations, errors):
         why = refusal(error, source.provision.fault_tolerant_error)
         if why:
             by = listed(derivation.relations()) or "the same property elsewhere"

@@ -104,7 +104,6 @@ class Stakes:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._health = robot.health
-        self._planner = robot.planner
 
     def verdict(
         self, service: Service, node: str, kind: Kind, replaced: bool, restarted: bool = False
@@ -170,7 +169,7 @@ class Stakes:
     def _remains(self, service: Service, doomed: Set[str]) -> bool:
         well = self._health.well(service.topic)
         remain = (each not in doomed and each not in self._health.substitutes for each in well)
-        return any(remain) or self._planner.replaceable(service, doomed)
+        return any(remain) or self._robot.planner.replaceable(service, doomed)
 
     def _relying(self, service: Service, doomed: Set[str]) -> List[str]:
         """Return the topics that a substitute computes from a service, and nothing else gives."""
@@ -181,6 +180,6 @@ class Stakes:
                 incident, tried = indexes.healing[name]
                 without = doomed | {incident.faulty_node}
                 computed = incident.state in SUBSTITUTED
-                if computed and not self._planner.replaceable(read, without, tried):
+                if computed and not self._robot.planner.replaceable(read, without, tried):
                     found.append(read.topic)
         return found

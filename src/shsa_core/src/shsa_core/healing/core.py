@@ -61,7 +61,8 @@ class Core:
         shown = None if incident is WELL else incident
         for each in commands:
             shown = each.incident if isinstance(each, events.ShowIncident) else shown
-        record = ServiceRecord(name, service.topic, shown, accused.kind, accused.fate, row)
+        message = b"" if row else machine.last_message
+        record = ServiceRecord(name, service.topic, shown, accused.kind, accused.fate, row, message)
         robot.indexes.follow(incident, name, substitute.plan, substitute.tried)
         self.agenda.set(name, min(machine.timers.values(), default=None))
         if row is not None:

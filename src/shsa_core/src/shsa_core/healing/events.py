@@ -160,20 +160,28 @@ class NodeFound(NodeEvent):
 
     `detail`: why it is not touched. `starter`: who has started it, in words; empty: not known.
     `rate`: messages/s that it sends to those that are connected to it, 0 as well if it does not
-    answer; None: nobody is connected, or it was not to be counted.
+    answer; None: nobody is connected, or it was not to be counted. `uri`: as it was asked.
     """
 
     where: Where
     detail: str = ""
     starter: str = ""
     rate: Optional[float] = None
+    uri: str = ""
 
 
-class NodeAnswered(NodeEvent):
+@dataclass(frozen=True)
+class LifeEvent(NodeEvent):
+    """Something has happened to the life of a node that is killed; `uri`: as it was asked."""
+
+    uri: str = ""
+
+
+class NodeAnswered(LifeEvent):
     """A node that was asked to leave has answered: it is well enough to shut down in order."""
 
 
-class NodeLeft(NodeEvent):
+class NodeLeft(LifeEvent):
     """The process of a node has ended; elsewhere: it said that it leaves, and listens no more."""
 
 
@@ -182,7 +190,7 @@ class NodeUnregistered(NodeEvent):
 
 
 @dataclass(frozen=True)
-class ProcessUntouchable(NodeEvent):
+class ProcessUntouchable(LifeEvent):
     """The process of a node cannot be ended; `detail`: why. Empty: it belongs to somebody else."""
 
     detail: str = ""
@@ -328,8 +336,11 @@ class FindNode(NodeCommand):
     spares: bool = True
 
 
+@dataclass(frozen=True)
 class AskToLeave(NodeCommand):
     """`rosnode kill`; answered by NodeAnswered, NodeLeft once it is gone, or ProcessUntouchable."""
+
+    uri: str = ""
 
 
 @dataclass(frozen=True)
@@ -339,6 +350,7 @@ class EndProcess(NodeCommand):
     `gently`: by SIGTERM, so that it can still clean up.
     """
 
+    uri: str = ""
     gently: bool = False
 
 

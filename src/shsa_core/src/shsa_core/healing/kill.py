@@ -14,8 +14,6 @@ from shsa_core.planning.settings import CERTAIN_S
 USUAL = RateLow.usual, RateHigh.usual
 """Of its usual rate: a node that sends about that much on its own computer does well there."""
 LINK = "so it is its link that fails"
-STRAINED = "and its computer has too much to do"
-PASSES = "and that may pass"
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,6 @@ class Kills:
         self.again: Agenda[str] = Agenda()
         self._robot = robot
         self._health = robot.health
-        self._settings = robot.settings
         self._kills: Dict[str, _Kill] = {}
         self._tries: Dict[str, int] = {}
         self._slow: Dict[str, float] = {}  # there: since when at each look
@@ -132,7 +129,7 @@ class Kills:
     def try_again(self, node: str) -> None:
         """Look for a node later, after pauses that grow while that is in vain."""
         tries = self._tries[node] = self._tries.get(node, -1) + 1
-        self.again.set(node, self._robot.time + self._settings.paused(tries))
+        self.again.set(node, self._robot.time + self._robot.settings.paused(tries))
 
     def forget(self, node: str) -> None:
         """Kill a node no more, if that waits."""
@@ -179,7 +176,7 @@ class Kills:
     def handle(self, event: KillEvent, speaks: bool = False, refused: bool = False) -> List[Said]:
         """Go on with the kill of one that `speaks` again; `refused`: it is ended as it comes up."""
         kill, time, node = self._kills.get(event.node), event.time, event.node
-        if kill is None:
+        if kill is None or event.uri != self._health.dying[node]:  # it is late: of another life
             return []
         if isinstance(event, NodeFound):
             return [] if kill.where is not None else self._found(event, kill, speaks, refused)
@@ -239,16 +236,12 @@ class Kills:
         speaks &= not self._health.succeeded(node)  # else it is another life that speaks
         if order.if_dead or (not refused if order.at_once else speaks):
             return self._end(time, node, Outcome.SPARED)
-        if where is Where.UNREACHABLE:
-            return self.unreached(time, node, event.detail or "its computer cannot be reached")
+        if where is Where.UNREACHABLE or (where is Where.UNKNOWN and order.period):
+            return self.unreached(time, node, event.detail)
         if where is Where.UNKNOWN:
-            why = event.detail or "it cannot be verified which process it is"
-            if order.period:
-                return self.unreached(time, node, why)
-            return self._over(time, node, False, why)
+            return self._over(time, node, False, event.detail)
         if where is Where.HERE and order.period:
-            strained = self._robot.computers.strained(self._robot.host_of(node))
-            doubt = self.doubt(time, node, event.rate, order.period, strained)
+            doubt = self.doubt(event, order.period)
             if doubt is not None:
                 return self._end(time, node, Outcome.WELL, *doubt)
         if where is Where.STOPPED or (order.at_once and where is Where.HERE):
@@ -257,20 +250,18 @@ class Kills:
             # The link may be down: a hung node would not answer, and a sound one must not hear it.
             return self.unreached(time, node, "no agent says how it does on its computer")
         quick = where is Where.HERE and order.quick
-        patience = self._settings.kill_patience if quick else limits.EXIT_TIMEOUT_S
+        patience = self._robot.settings.kill_patience if quick else limits.EXIT_TIMEOUT_S
         self.agenda.set(node, time + patience)
-        return [events.AskToLeave(node)]
+        return [events.AskToLeave(node, self._health.dying[node])]
 
-    def doubt(
-        self, time: float, node: str, rate: Optional[float], period: float, strained: bool
-    ) -> Optional[Tuple[str, str]]:
+    def doubt(self, event: NodeFound, period: float) -> Optional[Tuple[str, str]]:
         """Return why a node may not fail by itself, though it fails here: what was seen, and why.
 
         None: it fails by itself. A link makes nobody silent, or quick, on his own computer. Slow
         there is a well node as well while its computer is strained, and for a moment at any time.
-        `rate`: messages/s that it sends there, every `period` s by the SOM; None: it cannot be
-        told.
+        `period`: that of its messages by the SOM, in s.
         """
+        time, node, rate = event.time, event.node, event.rate
         began = self._slow.pop(node, time)
         if rate is None:
             return "nobody is connected to it on its own computer", LINK
@@ -279,12 +270,12 @@ class Kills:
             return None
         if rate * period >= USUAL[0]:
             return seen, LINK
-        if strained:
-            return seen, STRAINED
+        if self._robot.computers.strained(self._robot.host_of(node)):
+            return seen, "and its computer has too much to do"
         if time - began >= 2.0 * CERTAIN_S:  # so did two more looks
             return None
         self._slow[node] = began
-        return seen, PASSES
+        return seen, "and that may pass"
 
     def _find(self, time: float, node: str, topic: str) -> events.FindNode:
         order = self._kills[node].order
@@ -297,7 +288,7 @@ class Kills:
         gently, kill.answered = kill.answered, False
         kill.forced = not gently
         self.agenda.set(node, time + (limits.TERM_S if gently else limits.EXIT_TIMEOUT_S))
-        return [events.EndProcess(node, gently)]
+        return [events.EndProcess(node, self._health.dying[node], gently)]
 
     def _over(self, time: float, node: str, certain: bool, detail: str) -> List[Said]:
         """End a kill; one that was to be cleared if it is dead is spared if that is not certain."""

@@ -123,7 +123,7 @@ class Nodes:
         well = case.trust.well_since if well_at is None else well_at
         trust = replace(case.trust, start_at=None, awaited_by=None, well_since=well)
         stranger = node != service.node  # there may be any number of them
-        self._trust(node, UNTRIED if stranger else trust)
+        self.trust(node, UNTRIED if stranger else trust)
         if stranger:
             del self._cases[node]
 
@@ -310,7 +310,7 @@ class Nodes:
         self._robot.restarted.discard(node)
         if case:  # its last failure was its own
             doubtful = min(case.trust.doubtful, case.doubtful)
-            self._trust(node, replace(case.trust, doubtful=doubtful))
+            self.trust(node, replace(case.trust, doubtful=doubtful))
         return commands
 
     def _held(self, node: str) -> Dict[str, Accusation]:
@@ -322,7 +322,7 @@ class Nodes:
         if case and case.refusals:
             self.forgive(node)  # it cannot be kept out, and two publishers are worse than one
         if case:
-            self._trust(node, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
+            self.trust(node, replace(case.trust, start_at=None, awaited_by=None, exhausted=True))
 
     # The way back.
 
@@ -368,13 +368,13 @@ class Nodes:
             trust = replace(trust, restarts=0 if calm else trust.restarts, exhausted=False)
             within = settings.relapse * settings.hold_off
             if trust.returned is None or time - trust.returned > within:
-                self._trust(node, trust)
+                self.trust(node, trust)
                 self.forgive(node)
                 return
         by_link = kind in BY_LINK and bool(self._robot.host_of(service.node))
         doubtful = trust.doubtful + (by_link or kind in MISSED)
         trust = replace(trust, relapses=trust.relapses + 1, doubtful=doubtful, soon=not soon)
-        self._trust(node, trust)
+        self.trust(node, trust)
 
     def left_in_order(self, node: str) -> None:
         """Forgive a node that was told to leave, by somebody else: that is no failure."""
@@ -392,7 +392,7 @@ class Nodes:
         if not all(each.back for each in case.accusations.values()) and self.awaited(node):
             awaited = trust.awaited_by or self._robot.time + self._settings.restart_timeout
         start = None if by == node else trust.start_at
-        self._trust(node, replace(trust, returned=since, start_at=start, awaited_by=awaited))
+        self.trust(node, replace(trust, returned=since, start_at=start, awaited_by=awaited))
 
     def start_again(self, node: str) -> None:
         """Start a node that is gone again after a pause, unless it was too often."""
@@ -400,11 +400,11 @@ class Nodes:
         if trust.start_at is not None:
             return
         if self.kept_out(node) or trust.restarts >= settings.node_restarts:
-            self._trust(node, replace(trust, exhausted=True, awaited_by=None))
+            self.trust(node, replace(trust, exhausted=True, awaited_by=None))
             return
         due = self._robot.time + doubled(settings.restart_pause, trust.restarts)
         restarts = trust.restarts + 1
-        self._trust(node, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
+        self.trust(node, replace(trust, start_at=due, awaited_by=None, restarts=restarts))
 
     def _return_due(self, node: str, case: Case) -> List[Command]:
         specs = map(self._robot.spec, tuple(case.accusations))
@@ -413,7 +413,7 @@ class Nodes:
         patience = doubled(self._settings.restart_timeout, case.trust.restarts - 1)
         awaited = starts and own and not all(each.back for each in case.accusations.values())
         due = self._robot.time + patience if awaited else None
-        self._trust(node, replace(case.trust, start_at=None, awaited_by=due))
+        self.trust(node, replace(case.trust, start_at=None, awaited_by=due))
         if not own:  # the policy is another by now, or the node
             return []
         topics = ", ".join(each.topic for each in own)
@@ -435,7 +435,7 @@ class Nodes:
         case = self._cases[node]
         case.refusals = 0
         trust = replace(case.trust, restarts=0, exhausted=False) if wholly else case.trust
-        self._trust(node, replace(trust, relapses=0, doubtful=0, soon=False, returned=None))
+        self.trust(node, replace(trust, relapses=0, doubtful=0, soon=False, returned=None))
 
     def refuse(self, node: str, topic: str) -> List[Command]:
         """Kill a node that is kept out, and has come up."""
@@ -450,11 +450,8 @@ class Nodes:
     def _refused(self, node: str) -> bool:
         return node in self._cases and self._cases[node].refusals > 0
 
-    def recall(self, record: NodeRecord) -> None:
-        """Trust a node as a former reconfigurator did."""
-        self._trust(record.node, record.trust)
-
-    def _trust(self, node: str, trust: Trust) -> None:
+    def trust(self, node: str, trust: Trust) -> None:
+        """Trust a node so far from now on."""
         case = self._cases.setdefault(node, Case())
         if trust == case.trust:
             return

@@ -64,7 +64,7 @@ class NodeRecord(Keyed):
 class ServiceRecord(Keyed):
     """The standing of a service: its incident, the fate of its node, its substitute's row.
 
-    Its `kind` of failure may be another than the incident's.
+    Its `kind` of failure may be another than the incident's. `last_message`: where no row has it.
     """
 
     KEY = "service {0.service} {0.topic}"
@@ -74,6 +74,7 @@ class ServiceRecord(Keyed):
     kind: Kind = Kind.OTHER
     fate: Fate = Fate.NONE
     substitution: Optional[Substitution] = None
+    last_message: bytes = b""
 
 
 @dataclass(frozen=True)

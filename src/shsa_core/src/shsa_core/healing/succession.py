@@ -62,7 +62,7 @@ def _take_up(core: Core, event: events.Started) -> List[Command]:
         robot.incidents = max(robot.incidents, counters.incidents)
         robot.names.next = max(robot.names.next, counters.names)
     for record in of(NodeRecord):
-        core.nodes.recall(record)
+        core.nodes.trust(record.node, record.trust)
     for each in of(ServiceRecord):  # all of them, before any can end a process that it shares
         row, service = each.substitution, services.get(each.service)
         if row is not None:
@@ -139,11 +139,10 @@ def _go_on(service: ServiceMachine, record: ServiceRecord, runs: bool) -> List[C
         elif record.fate is not Fate.KILLED:  # else it may be another process by now
             accused.fate = record.fate
     commands = substitute.drop() + shown  # it may stand by for us already
-    plan = None
+    service.last_message, plan = row.last_message if row else record.last_message, None
     if row is not None:
         advises = spec.policy is Policy.ADVISE
         plan = None if advises else robot.planner.recall(spec, row)
-        service.last_message = row.last_message
         if plan is not None:
             substitute.take_up(row, plan, robot.time if incident is None else incident.detected)
     if row is None or (plan is not None and runs):

@@ -89,9 +89,9 @@ def failed_again(service: ServiceMachine, failure: Failure) -> List[Command]:
     service.nodes.failed(failure.time, spec, node, failure.kind, soon=True)
     service.timers.clear()
     detail = f"{node} failed again: {failure.detail}"
-    judged = service.judge(accusation, repair.search(service)[0])
+    healed = service.substitute.computes  # else to heal is to search and judge
+    judged = service.judge(accusation, repair.search(service)[0]) if healed else []
     commands += [service.log(f"{detail}."), *judged]
-    healed = service.substitute.computes
     awaited = healed and accusation.fate is Fate.WAITS
     if awaited:
         service.timers[Trigger.LATE] = robot.time + service.substitute.patience

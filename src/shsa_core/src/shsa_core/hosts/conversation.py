@@ -43,7 +43,7 @@ def not_done(command: HostCommand, now: float, why: str) -> Optional[HostEvent]:
     if isinstance(command, events.LearnNode):
         return events.NodeLearned(now, command.node, False)
     if isinstance(command, (events.FindNode, events.AskToLeave, events.EndProcess)):
-        return events.ProcessUntouchable(now, command.node, why)
+        return events.ProcessUntouchable(now, command.node, command.uri, why)
     if isinstance(command, events.StartSubstitute):
         return events.ProcessExited(now, command.node, why, False)
     if isinstance(command, events.RestartNode):
@@ -180,7 +180,6 @@ class RemoteHost:
                 self._wanted.add(node)
                 self._tell(self._ours(events.NodeRestarted(now, node), now))
         for node in sorted(self._wanted - self._found):
-            self._wanted.discard(node)
             self._tell(events.ProcessExited(now, node, f"it has ended on {self.name}"))
         for node in sorted(self._found - self._wanted):
             self._send(events.StopNode(node))
@@ -197,7 +196,7 @@ class RemoteHost:
     def _answer(self, command: HostCommand, now: float, why: str) -> None:
         event = not_done(command, now, why)
         if isinstance(command, events.FindNode):
-            event = events.NodeFound(now, command.node, Where.UNREACHABLE, why)
+            event = events.NodeFound(now, command.node, Where.UNREACHABLE, why, uri=command.uri)
         if event is not None:
             self._tell(self._ours(event, now))
 

@@ -100,19 +100,17 @@ class Computers:
         computer = self.of(host)
         return computer.busy >= STRAINED * computer.cores > 0.0
 
-    def seen(self, time: float, host: str, busy: float, cores: float, link: float = 0.0) -> bool:
-        """Note that a computer is there. Returns that it was not before, or was cut off."""
+    def seen(self, time: float, host: str, busy: float, cores: float, link: float = 0.0) -> None:
+        """Note that a computer is there; it is steady from now on if it was cut off before."""
         host = self.name(host)
         computer = self._known.setdefault(host, Computer())
         if computer.detail:
             computer.counts = time + self._hold_off(computer.losses - 1)
-        back = bool(computer.detail) or time - computer.heard > CERTAIN_S
-        if back:
+        if computer.detail or time - computer.heard > CERTAIN_S:
             computer.steady = time
             self.settling.set(host, max(computer.counts, time + CERTAIN_S))
         computer.heard, computer.busy, computer.cores, computer.link = time, busy, cores, link
         computer.detail = ""
-        return back
 
     def lose(self, host: str, time: float, why: str) -> bool:
         """Note that a computer is not heard any more. Returns that this is new."""
@@ -262,7 +260,7 @@ class Placement:
             ("bytes/s", limits.link, computer.link, link, takes.link),
         ):
             total = busy + more + needed
-            if limit is not None and needed > 0.0 and total > limit:
+            if limit is not None and total > limit:
                 placed = f" + {more:.4g} placed lately" if lately else ""
                 sums = f"{busy:.4g} busy{placed} + {needed:.4g} for it = {total:.4g} {what}"
                 return f"{sums} of {limit:.4g}"

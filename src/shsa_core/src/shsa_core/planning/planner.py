@@ -1,7 +1,8 @@
 """Answers what could take a service over now; no question changes anything."""
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Set, Tuple
+from itertools import repeat
+from typing import Any, Collection, Dict, Iterator, List, Mapping, Optional, Sequence, Set, Tuple
 
 from shsa_core.codegen.generator import fusions_of, ways_of
 from shsa_core.codegen.plans import Plan, errs_too_much, plan_service, safe_values
@@ -240,22 +241,24 @@ class Planner:
     def outputs(self, plan: Plan) -> Tuple[Signal, ...]:
         """Return what its program gives, with gain, offset and error as the living sensor shows."""
         signals = self.signals(plan.outputs, written=True)
-        found = [replace(signal, error=error) for signal, error in zip(signals, plan.errors)]
-        known = self.calibrations.of(plan.service, plan.program)
-        for i, (source, calibration) in enumerate(zip(plan.outputs, known)):
-            if source.provision.calibrate:
-                gain, offset, error = calibration.gain, calibration.offset, calibration.error
-                shown = error if error is not None and error.rms > 0.0 else found[i].error
-                found[i] = replace(found[i], gain=gain, offset=offset, error=shown)
-        return tuple(found)
+        pairs = [(signal, vars(seen)) for signal, seen in zip(signals, self._seen(plan))]
+        return tuple([replace(signal, **seen) for signal, seen in pairs])
 
     def errors(self, plan: Plan) -> Tuple[Optional[Error], ...]:
         """Return the errors that are expected of what a plan gives: those of its outputs."""
-        return tuple(signal.error for signal in self.outputs(plan))
+        return tuple([each.error for each in self._seen(plan)])
+
+    def _seen(self, plan: Plan) -> Iterator[Calibration]:
+        """Return the calibration of each output, with its predicted error until one is measured."""
+        known = self.calibrations.of(plan.service, plan.program)
+        for source, error, seen in zip(plan.outputs, plan.errors, known or repeat(UNCALIBRATED)):
+            counts = seen if source.provision.calibrate else UNCALIBRATED
+            measured = counts.error is not None and counts.error.rms > 0.0
+            yield counts if measured else Calibration(counts.gain, counts.offset, error)
 
     def errs_too_much(self, plan: Plan) -> str:
         """Return why a plan is not used by what it errs by now, in words; empty: it may be."""
-        return errs_too_much(replace(plan, errors=self.errors(plan)))
+        return errs_too_much(plan, self.errors(plan))
 
     def errs_more(self, plan: Plan, another: Optional[Plan] = None) -> bool:
         """Tell that a plan errs clearly more by now than another; None: than any calibrated one."""

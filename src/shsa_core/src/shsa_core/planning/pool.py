@@ -53,8 +53,7 @@ class Pool:
 
     def surplus(self, computers: Computers) -> List[str]:
         """Return the processes on computers that are lost, or have no warm service any more."""
-        wanted = self._wanted
-        left = lambda host: (wanted and host not in wanted) or computers.lost(host)
+        left = lambda host: host not in self._wanted or computers.lost(host)
         return [each.node for each in self.processes.values() if left(each.host)]
 
     def spare(self, host: str, speak: Container[str] = ()) -> Optional[IdleProcess]:
@@ -92,9 +91,9 @@ class Pool:
     def died(self, time: float, node: str) -> None:
         """Note that an idle process has ended by itself; the next pause is longer each time."""
         idle = self._remove(node)
-        early = time - idle.started <= LONGEST_START_S
-        self._deaths[idle.host] = deaths = self._deaths.get(idle.host, 0) + 1 if early else 0
-        self._refill_at[idle.host] = time + self._pause(max(0, deaths - 1))
+        former = self._deaths.get(idle.host, 0) if time - idle.started <= LONGEST_START_S else 0
+        self._deaths[idle.host] = former + 1
+        self._refill_at[idle.host] = time + self._pause(former)
 
     def drop(self, node: str) -> None:
         """Note that an idle process is ended: another one is due at once where it is wanted."""

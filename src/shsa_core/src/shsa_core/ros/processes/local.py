@@ -131,14 +131,14 @@ class LocalHost:
         self._tell(events.NodeCameUp(clock.now(), node))
 
     def _find(self, command: events.FindNode) -> None:
-        node = command.node
+        node, life = command.node, command.uri
         found = self.nodes.find(command)
         sent = None
         if command.listen and found.where is Where.HERE:
             with suppress(*FAILURES):
                 uri = self.nodes.uri(node)
                 sent = rate(uri, command.topic, command.listen) if uri else None
-        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent))
+        self._tell(events.NodeFound(clock.now(), node, *found, self._starter(node), sent, life))
 
     def _starter(self, node: str) -> str:
         known = self.nodes.known(node)
@@ -150,14 +150,14 @@ class LocalHost:
         return ""
 
     def _ask_to_leave(self, command: events.AskToLeave) -> None:
-        node = command.node
-        answered = lambda: self._tell(events.NodeAnswered(clock.now(), node))
-        if ask_to_leave(self.nodes, node, answered):
-            self._tell(events.NodeLeft(clock.now(), node))
+        life = command.node, command.uri
+        answered = lambda: self._tell(events.NodeAnswered(clock.now(), *life))
+        if ask_to_leave(self.nodes, command.node, answered):
+            self._tell(events.NodeLeft(clock.now(), *life))
 
     def _end_process(self, command: events.EndProcess) -> None:
         if end_process(self.nodes, command.node, command.gently):
-            self._tell(events.NodeLeft(clock.now(), command.node))
+            self._tell(events.NodeLeft(clock.now(), command.node, command.uri))
 
     def _clear(self, command: events.ClearNode) -> None:
         if not clear(self.nodes, command.node):
