@@ -259,6 +259,19 @@ def test_who_repeats_what_a_service_says_is_no_witness(ontology: Ontology, echoe
     assert (robot.of("load", "power") is None) is echoes
 
 
+def test_what_would_substitute_comes_first_and_a_better_echo_watches_it(tmp_path: Any) -> None:
+    mixed = "  mixed: {load: {function: power / 3 + 0 * position, quality: 0.9, error: 0.01}}\n"
+    echo = service("power", derived_from=("load",))
+    robot = Robot(ontology_in(tmp_path, ONTOLOGY + mixed), LOAD, SPEED, echo, service("position"))
+    reads: List[Tuple[str, ...]] = []
+    for _ in range(round(10.0 / PERIOD)):
+        robot.run(PERIOD)
+        plans = robot.core._judgement._derivations.plans("load")
+        reads += [each.plan.program.inputs for each in plans[len(reads) :]]
+    echoed = ("/power/data", "/position/data")
+    assert reads == [("/speed/data",), ("/position/data",), echoed]
+
+
 def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:
     robot = Robot(ontology, LOAD, SPEED)
     robot.run(60.0)
