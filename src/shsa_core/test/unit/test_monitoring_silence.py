@@ -413,3 +413,14 @@ def test_the_message_that_ends_a_silence_is_the_first_of_five_good_ones() -> Non
     assert bench.state() == "failed"
     bench.stream(1, age=0.01)
     assert bench.state() == "healthy"
+
+
+def test_whoever_is_gone_and_is_no_node_of_the_som_is_forgotten_once_another_does_well() -> None:
+    bench = Bench()
+    bench.connect("/play_1")
+    bench.stream(60, "/play_1")
+    bench.disconnect("/play_1")
+    assert bench.state("/play_1") == "failed"
+    bench.connect("/play_2")
+    bench.stream(10, "/play_2")
+    assert bench.state("/play_2") == "healthy" and bench.state("/play_1") is None
