@@ -6,6 +6,7 @@ import numpy as np
 from shsa_core.model.ontology import Ontology
 from shsa_core.search.derivation import Derivation
 from shsa_learning.learn.evaluation import evaluate
+from shsa_learning.learn.table import inputs_alone
 
 
 class Columns:
@@ -25,5 +26,7 @@ class Columns:
             assert derivation.function is not None
             function, constants = derivation.function, self._ontology.constants
             inputs = {name: self.of(x) for name, x in zip(function.inputs, derivation.inputs)}
-            self._known[derivation] = evaluate(function, constants, self._time, inputs)
+            self._known[derivation] = evaluate(
+                function, constants, inputs_alone(self._time, inputs)
+            )
         return self._known[derivation]

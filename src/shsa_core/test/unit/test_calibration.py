@@ -195,7 +195,9 @@ def test_what_nobody_measures_grows_with_age_and_beyond_what_was_seen() -> None:
     assert ages == sorted(ages) and ages[0] < 0.01 * variance
     assert ages[-1] == pytest.approx(PRIOR_GAIN**2 * variance, rel=0.1)
     assert calibrator.beyond(driving(stream.now)) == 0.0
-    assert calibrator.beyond(30.0) > calibrator.beyond(20.0) > 0.0
+    near, far = (sqrt(calibrator.beyond(each)) / PRIOR_GAIN for each in (20.0, 30.0))
+    assert far - near == pytest.approx(10.0)  # by a gain that nobody knows
+    assert near == pytest.approx(15.0 - 3.0 * sqrt(6.5), abs=1.0)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])

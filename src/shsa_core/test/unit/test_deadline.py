@@ -143,6 +143,15 @@ def test_what_is_too_slow_for_a_block_is_learned_all_the_same() -> None:
     assert deadline.is_learned and deadline.allowed == 50.0
 
 
+def test_only_one_gap_in_twenty_is_tail() -> None:
+    """Half of the gaps that are kept are usual ones: they tell nothing of the long ones."""
+    deadline = learned(1.0)
+    alarms(deadline, [PERIOD] * 950 + [0.1 + 0.001 * number for number in range(50)])
+    assert deadline.is_learned
+    times = 50 * 3600.0 / (950 * PERIOD + 50 * 0.1245)
+    assert deadline.allowed == pytest.approx(0.1 + 0.0245 * log(times), rel=1e-6)
+
+
 def test_other_numbers_count_for_what_was_learned_before() -> None:
     deadline = learned(1.0)
     alarms(deadline, heard(jittery(np.random.RandomState(1), 2000)))

@@ -7,8 +7,10 @@ from typing import Any, Dict, List, Optional, Tuple
 import pytest
 
 from shsa_core.derivations import settings
-from shsa_core.derivations.calibrations import Calibrations
+from shsa_core.derivations.calibrations import Calibrations, _has_moved
+from shsa_core.derivations.evaluation import Output
 from shsa_core.model.calibration import Calibration
+from shsa_core.model.error import Error
 from shsa_core.model.health import PublisherHealth
 from shsa_core.model.kinds import Kind
 from shsa_core.model.log import Log
@@ -27,6 +29,7 @@ from shsa_core.monitoring.events import (
     Tick,
 )
 from shsa_core.monitoring.machine import Monitor
+from shsa_core.search.derivation import Derivation
 from shsa_testing.models import ontology_in
 
 PERIOD = 0.05
@@ -133,6 +136,24 @@ def test_only_changes_that_matter_are_told(ontology: Ontology) -> None:
     robot.run(60.0)
     assert 1 <= told <= 90
     assert robot.told - told <= 10
+
+
+@pytest.mark.parametrize(
+    "gain, offset, rms, moves",
+    [
+        (1.005, 1.009, 0.105, False),
+        *((1.02, 1.0, 0.1, True), (0.98, 1.0, 0.1, True), (1.0, 1.02, 0.1, True)),
+        *((1.0, 0.98, 0.1, True), (1.0, 1.0, 0.12, True), (1.0, 1.0, 0.08, True)),
+    ],
+)
+def test_what_moves_values_by_a_tenth_of_their_error_is_told(
+    gain: float, offset: float, rms: float, moves: bool
+) -> None:
+    told = Output(LOAD.sources[0], Derivation("load", LOAD.sources[0], None), None, False)
+    told.told, told.calibration = (
+        Calibration(*each[:2], Error(each[2])) for each in ((1.0, 1.0, 0.1), (gain, offset, rms))
+    )
+    assert _has_moved(told) is moves
 
 
 def test_it_stays_as_of_the_last_good_second_when_the_node_fails(ontology: Ontology) -> None:
@@ -259,6 +280,19 @@ def test_who_repeats_what_a_service_says_is_no_witness(ontology: Ontology, echoe
     assert (robot.of("load", "power") is None) is echoes
 
 
+def test_what_would_substitute_comes_first_and_a_better_echo_watches_it(tmp_path: Any) -> None:
+    mixed = "  mixed: {load: {function: power / 3 + 0 * position, quality: 0.9, error: 0.01}}\n"
+    echo = service("power", derived_from=("load",))
+    robot = Robot(ontology_in(tmp_path, ONTOLOGY + mixed), LOAD, SPEED, echo, service("position"))
+    reads: List[Tuple[str, ...]] = []
+    for _ in range(round(10.0 / PERIOD)):
+        robot.run(PERIOD)
+        plans = robot.core._judgement._derivations.plans("load")
+        reads += [each.plan.program.inputs for each in plans[len(reads) :]]
+    echoed = ("/power/data", "/position/data")
+    assert reads == [("/speed/data",), ("/position/data",), echoed]
+
+
 def test_a_substitute_teaches_nothing(ontology: Ontology) -> None:
     robot = Robot(ontology, LOAD, SPEED)
     robot.run(60.0)
@@ -310,6 +344,19 @@ def test_without_an_input_nothing_is_learned(ontology: Ontology) -> None:
     robot.run(60.0, silent="speed", load=40.0)
     after = robot.of("load", "speed")
     assert before is not None and after is not None and after(4.0) == before(4.0)
+
+
+def test_what_an_input_said_before_it_was_silent_teaches_nothing(ontology: Ontology) -> None:
+    robot = Robot(ontology, LOAD, SPEED)
+    robot.run(60.0)
+    before = robot.of("load", "speed")
+    for _ in range(20):
+        robot.run(3.0)
+        robot.run(3.0, speed=9.0)
+        robot.run(1.0, silent="speed")
+    after = robot.of("load", "speed")
+    assert before is not None and after is not None
+    assert after(4.0) == pytest.approx(before(4.0), abs=0.05)
 
 
 def test_a_law_that_remembers_sees_every_sample(ontology: Ontology) -> None:

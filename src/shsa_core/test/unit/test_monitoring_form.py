@@ -75,6 +75,23 @@ def test_a_longer_array_and_a_part_that_is_missing_are_no_failure() -> None:
     assert bench.failures == []
 
 
+def test_who_names_a_frame_later_than_it_speaks_is_not_blamed() -> None:
+    """As one that localizes itself; the frame that it named at first is held against nobody."""
+    for first in ("", "laser"):
+        bench = say(scanning(((FRAME, first), ("child_frame_id", ""))), ((FRAME, first),))
+        say(bench, ((FRAME, first or "map"), ("child_frame_id", "base_link")))
+        assert bench.failures == [] and bench.state() == "healthy"
+
+
+def test_an_array_that_was_longer_once_varies_and_may_be_shorter() -> None:
+    """A list of what is seen has as many elements as long as the robot stands."""
+    bench = say(scanning(), ((FRAME, "laser"), (RANGES, 361)), 1)
+    say(bench, ((FRAME, "laser"), (RANGES, 2)))
+    assert bench.failures == [] and bench.state() == "healthy"
+    say(bench, ((FRAME, "map"), (RANGES, 2)), 3)
+    assert bench.kinds() == [(NODE, "frame")]
+
+
 def test_too_few_messages_tell_nothing() -> None:
     bench = Bench(service())
     bench.connect()

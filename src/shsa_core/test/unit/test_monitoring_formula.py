@@ -98,7 +98,7 @@ def test_what_has_waited_for_us_is_judged_in_the_publishers_favour(formula: str)
         times = [0.02 * step for step in range(200)] + 250 * [9.0]  # the last 5 s are read at once
         late = [0.0] * 200 + [waited] * 250
         found = [
-            evidence.weigh(Message(time, TOPIC, NODE, (value,), waited=wait), False)[0]
+            evidence.look(Message(time, TOPIC, NODE, (value,), waited=wait), False) is None
             for time, value, wait in zip(times, values[:185] + values[200:] + values[:15], late)
         ]
         assert all(found) is (waited > 0.0)
@@ -123,8 +123,8 @@ def test_only_what_a_substitute_writes_is_judged() -> None:
     of = replace(keeping("v < 3 and w < 3"), provides=both)
     evidence = Evidence(of)
     evidence.written = {both[0].field}
-    judged = [evidence.weigh(Message(1.0, TOPIC, NODE, (1.0, 9.0)), False)[0]]
-    judged.append(evidence.weigh(Message(2.0, TOPIC, NODE, (9.0, 1.0)), False)[0])
+    judged = [evidence.look(Message(1.0, TOPIC, NODE, (1.0, 9.0)), False) is None]
+    judged.append(evidence.look(Message(2.0, TOPIC, NODE, (9.0, 1.0)), False) is None)
     assert judged == [True, False]
 
 

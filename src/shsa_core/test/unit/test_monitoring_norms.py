@@ -1,5 +1,6 @@
 """What is learned of a healthy stream is not spoilt by a fault that was there for a moment."""
 from random import Random
+from typing import List
 
 import pytest
 from monitor_bench import NODE, PERIOD, Bench, message_checks, service
@@ -49,6 +50,15 @@ def test_one_old_message_among_the_first_excuses_no_later_one() -> None:
     assert bench.failures == []
     bench.stream(3, age=20.0)
     assert bench.kinds() == [(NODE, "stale_stamp")]
+
+
+@pytest.mark.parametrize("count, found", [(49, []), (50, [(NODE, "stale_stamp")])])
+def test_fifty_stamps_tell_how_old_they_usually_are(count: int, found: List[object]) -> None:
+    bench = connected()
+    bench.wait(2.0)  # until it has no alibi that healing has just connected to it
+    bench.stream(count, age=0.01)
+    bench.stream(3, age=20.0)
+    assert bench.kinds() == found
 
 
 def test_a_clock_that_drifts_away_is_followed() -> None:

@@ -1,5 +1,5 @@
 """Rates that are too low beside what else is known: a substitute, a connection that was lost."""
-from monitor_bench import NODE, PERIOD, TOPIC, Bench
+from monitor_bench import NODE, PERIOD, TOPIC, Bench, service
 from test_monitoring_checks import bench_with, only
 
 from shsa_core.monitoring.events import Disconnected
@@ -16,6 +16,17 @@ def test_who_was_too_slow_for_a_former_monitor_is_so_for_the_next() -> None:
         bench.message()
         bench.message(node="/substitute_1")
     assert (NODE, "rate_low") in bench.kinds()
+
+
+def test_a_little_noise_beside_a_rate_that_is_excused_is_no_failure() -> None:
+    bench = Bench(service(period=2.0 * PERIOD))
+    bench.connect()
+    for _ in range(20):
+        bench.stream(60)
+        bench.stream(1, value=99.0)
+    assert bench.failures == [] and bench.state() == "healthy"
+    bench.stream(3, value=99.0)
+    assert bench.kinds() == [(NODE, "out_of_range")]
 
 
 def test_who_is_too_slow_and_then_cut_off_may_not_be_gone() -> None:

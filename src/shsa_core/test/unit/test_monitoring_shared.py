@@ -1,11 +1,21 @@
 """Several services on one topic: each is judged by its own."""
+from dataclasses import replace
 from typing import Any, List
 
-from monitor_bench import PERIOD, Bench, message_checks, provision, row, service, table
+from monitor_bench import (
+    PERIOD,
+    Bench,
+    message_checks,
+    provision,
+    row,
+    service,
+    table,
+    with_value_checks,
+)
 
 from shsa_core.healing.events import HealthSeen, WriteDown
 from shsa_core.healing.health import Health
-from shsa_core.model.checks import UnknownPublisher
+from shsa_core.model.checks import Jump, UnknownPublisher
 from shsa_core.monitoring.events import SubstitutionsChanged
 from shsa_core.table import Table
 
@@ -135,6 +145,22 @@ def test_one_of_two_services_leaves_a_topic() -> None:
     bench.connect("/stranger", "/joint_states")
     named = bench.core.service_of("/joint_states", "/stranger")
     assert named is not None and named.name == "arm"
+
+
+def test_who_is_given_to_another_service_is_judged_anew_and_by_that_one() -> None:
+    jumps = with_value_checks(Jump(5.0))
+    arm = service(jumps, name="arm", topic="/joint_states", node="/driver")
+    wheels = service(jumps, name="wheels", topic="/joint_states", node="/old_driver", period=0.1)
+    bench = Bench(arm, wheels)
+    bench.stream(60, "/driver", 1.0, "/joint_states")
+    bench.stream(2, "/driver", 99.0, "/joint_states")
+    wide = with_value_checks(Jump(5.0), range=(-5.0, 80.0))
+    bench.watch(replace(arm, node="/arm_driver"), replace(wheels, node="/driver", provides=(wide,)))
+    bench.stream(1, "/driver", 99.0, "/joint_states", 0.1)
+    bench.stream(20, "/driver", 70.0, "/joint_states", 0.1)
+    assert told(bench) == [] and bench.told == []
+    bench.stream(3, "/driver", 99.0, "/joint_states", 0.1)
+    assert told(bench) == ["wheels /driver out_of_range"]
 
 
 def test_a_substitute_on_a_shared_topic_is_judged_as_the_service_that_it_replaces() -> None:

@@ -400,3 +400,27 @@ def test_a_node_that_lives_and_left_its_topic_is_silent_at_once(bench: Bench) ->
     bench.wait(0.1)
     bench.disconnect()
     assert bench.rows[TOPIC, NODE].kind == "node_gone", "it has ended"
+
+
+def test_the_message_that_ends_a_silence_is_the_first_of_five_good_ones() -> None:
+    bench = Bench()
+    bench.connect()
+    bench.stream(100, age=0.01)
+    bench.wait(1.0)
+    assert bench.failures[0].detail == "no message for 0.100 s, 0.100 s are allowed"
+    bench.message(age=0.01)
+    bench.stream(3, age=0.01)
+    assert bench.state() == "failed"
+    bench.stream(1, age=0.01)
+    assert bench.state() == "healthy"
+
+
+def test_whoever_is_gone_and_is_no_node_of_the_som_is_forgotten_once_another_does_well() -> None:
+    bench = Bench()
+    bench.connect("/play_1")
+    bench.stream(60, "/play_1")
+    bench.disconnect("/play_1")
+    assert bench.state("/play_1") == "failed"
+    bench.connect("/play_2")
+    bench.stream(10, "/play_2")
+    assert bench.state("/play_2") == "healthy" and bench.state("/play_1") is None

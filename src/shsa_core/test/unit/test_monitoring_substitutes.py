@@ -231,3 +231,14 @@ def test_one_that_was_muted_just_now_does_not_fill_in_yet(bench: Bench) -> None:
     assert filled_in(bench) == 0  # to consumers whom the original does not serve yet
     bench.stream(int(CHANGEOVER_S / PERIOD))
     assert filled_in(bench) == 1
+
+
+def test_nobody_is_missed_once_a_substitute_that_stood_by_speaks() -> None:
+    bench = Bench()
+    bench.substitutes(("/substitute", False))
+    bench.connect("/substitute")
+    bench.wait(16.0)
+    assert bench.state("") == "failed"
+    bench.substitutes(("/substitute", True))
+    bench.stream(6, "/substitute")
+    assert bench.state("/substitute") == "healthy" and bench.state("") is None

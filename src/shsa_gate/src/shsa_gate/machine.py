@@ -40,11 +40,11 @@ class _Original:
 
     def judge(self, arrived: Arrived) -> bool:
         """Tell if a message may be heard: it is good, and so were those before it."""
-        good, failure = self.evidence.weigh(arrived.message, self.failure is not None)
-        self.failure = self.failure or failure
-        if self.failure is not None and self.evidence.verdict.recovers(good):
+        seen = self.evidence.look(arrived.message, self.failure is not None)
+        self.failure = self.evidence.verdict.add(seen) or self.failure
+        if self.failure is not None and self.evidence.verdict.recovers(seen is None):
             self.failure = None
-        return good and self.failure is None
+        return seen is None and self.failure is None
 
     def is_in_turn(self, time: float) -> bool:
         """Tell if a message is not one too many by the rate that the SOM allows."""

@@ -9,7 +9,10 @@ import pytest
 from recordings import som_of
 from shsa_core.errors import ShsaError
 from shsa_core.model.som import Som
+from shsa_learning.learn.evaluation import evaluate
+from shsa_learning.learn.features import function_of
 from shsa_learning.learn.inputs import duplicates, offer
+from shsa_learning.learn.rows import gather
 from shsa_learning.recordings.recording import Recording, Series, held, largest_age
 
 RNG = np.random.RandomState(7)
@@ -58,9 +61,39 @@ def test_the_largest_age_is_that_of_a_substitute() -> None:
     assert largest_age(series([0.0, 0.1, 0.2], [0.0, 1.0, 2.0])) == pytest.approx(0.5)
 
 
+def _fields(given: Any) -> dict:
+    topic, type_, node, fields = given
+    provides = {name: {"field": field} for name, field in fields.items()}
+    return {"topic": topic, "type": type_, "node": node, "provides": provides}
+
+
 def _service(topic: str) -> dict:
     provides = {topic[1:]: {"field": "data"}}
     return {"topic": topic, "type": "std_msgs/Float64", "node": topic, "provides": provides}
+
+
+@pytest.mark.parametrize("period, rate", [(0.1, 0.8), ("none", math.inf)])
+def test_a_derivative_is_by_when_its_input_was_measured_and_turns_as_a_substitutes(
+    period: Any, rate: float
+) -> None:
+    """An angle of 10 Hz beside a gyroscope of 50 Hz; one that is event-driven holds instead."""
+    yaw = {"heading": {"field": "yaw(pose.pose.orientation)"}}
+    odometry = {"topic": "/odom", "type": "nav_msgs/Odometry", "node": "/wheels", "provides": yaw}
+    gyroscope = ("/gyro", "std_msgs/Float64", "/gyro", {"rate": "data"})
+    som = som_of(odom={**odometry, "period": period}, gyro={**_fields(gyroscope), "period": 0.02})
+    time, slow = np.arange(0.0, 30.0, 0.02), np.arange(5.0, 30.0, 0.1)
+    turned = np.angle(np.exp(0.8j * slow))
+    measured = series(time, 0.8 + 0.0 * time, "rate", "/gyro/data", service="gyro")
+    heading = series(slow, turned, "heading", "/odom/yaw(pose/pose/orientation)", service="odom")
+    drive = Recording("drive", (measured, heading))
+    table = gather([drive, drive], "rate", ("heading",), som).table
+    said = evaluate(function_of("rate", "derivative(heading)"), {}, table)
+    known = said[np.isfinite(said)]
+    assert len(known) > 2 * 1200
+    if rate < math.inf:
+        np.testing.assert_allclose(known, rate, rtol=1e-6)
+    else:
+        assert sorted(set(np.round(known, 6))) == [0.0, 4.0]  # as it comes, by the rows
 
 
 def test_a_gap_and_what_has_not_begun_have_no_value() -> None:

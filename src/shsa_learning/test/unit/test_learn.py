@@ -93,7 +93,7 @@ def test_the_stated_error_is_that_of_another_drive(tmp_path: Path, capsys: Any) 
     data = gather(read(files), "y")
     relation = relation_of(learn(data, "linear"))
     unseen = gather(read(recorded(tmp_path / "two", linear, seed=2)), "y").table
-    off = evaluate(relation, {}, unseen.time, unseen.inputs) - unseen.target
+    off = evaluate(relation, {}, unseen) - unseen.target
     off = off[np.isfinite(off)]
     assert np.sqrt(np.mean(off**2)) == pytest.approx(stated["rms"], rel=0.3)
     assert np.mean(np.abs(off) <= stated["p95"]) == pytest.approx(0.95, abs=0.03)
@@ -125,7 +125,7 @@ def test_what_is_generated_is_what_was_fitted(tmp_path: Path, choice: str) -> No
     relation = relation_of(learned)
     assert learned.model is not None
     fitted = learned.model.predict(data.table)
-    generated = evaluate(relation, {}, data.table.time, data.table.inputs)
+    generated = evaluate(relation, {}, data.table)
     both = np.isfinite(fitted) & np.isfinite(generated)
     assert both.mean() > 0.9
     assert np.max(np.abs(generated[both] - fitted[both])) <= 1e-9

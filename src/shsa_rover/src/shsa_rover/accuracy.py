@@ -15,6 +15,7 @@ from shsa_core.model.ontology import Ontology
 from shsa_core.model.som import Som
 from shsa_learning.figures import error_of
 from shsa_learning.learn.evaluation import evaluate, evaluate_derivation
+from shsa_learning.learn.table import inputs_alone
 from shsa_learning.substitutes import find_substitute
 from shsa_rover.dataset import Dataset
 
@@ -50,7 +51,7 @@ def relations(ontology: Ontology, data: Dataset) -> List[Accuracy]:
     """Return the accuracy of every transfer function that is fed with the truth."""
     results = []
     for function in ontology.functions:
-        values = evaluate(function, ontology.constants, data.time, data.truth)
+        values = evaluate(function, ontology.constants, inputs_alone(data.time, data.truth))
         name = f"{function.relation}: {function.output}"
         results.append(_accuracy(name, function.output, function.quality, values, data))
     return results
@@ -77,7 +78,8 @@ def errors(ontology: Ontology, som: Som, drives: Sequence[Dataset]) -> Dict[Tupl
                 for name in function.inputs
             }
             settled = data.time >= WARM_UP_S
-            values.append(evaluate(function, ontology.constants, data.time, inputs)[settled])
+            told = evaluate(function, ontology.constants, inputs_alone(data.time, inputs))
+            values.append(told[settled])
             truths.append(data.truth[function.output][settled])
         off = np.concatenate(values) - np.concatenate(truths)
         baseline = float(np.std(np.concatenate(truths)))

@@ -272,10 +272,7 @@ class Derivations:
         elif heard.measured is not None:
             followed = heard.followed
             for each in followed:
-                if each.doubtful:
-                    each.doubt()
-                    continue
-                for output in each.outputs:
+                for output in () if each.doubtful else each.outputs:
                     measured = heard.measured.get(output.source.property)
                     if measured is not None:
                         output.learn(time, measured, each.opinion(output, followed))

@@ -198,12 +198,13 @@ class Verdict:
         self._history = self._past = self._good_in_a_row = 0
         self._recovery = checks.recovery  # so many good ones: more if it came and went before
 
-    def add(self, bad: bool) -> bool:
-        """Count a message; tell if it was one bad one too many."""
+    def add(self, finding: Optional[Finding]) -> Optional[Finding]:
+        """Count a message; return what is wrong with it if it was one bad one too many."""
+        bad = finding is not None
         self._history = (self._history << 1 | bad) & self._long
         self._past = (self._past << 1 | bad) & self._long
         if not bad:
-            return False
+            return None
         recent = bin(self._history & self._short).count("1")
         guilty = recent >= self._bad or bin(self._history).count("1") >= self._seldom
         if guilty:
@@ -211,12 +212,7 @@ class Verdict:
             gaps = [len(gap) for gap in bin(self._past)[2:].rstrip("0").split("1") if gap]
             comes_and_goes = len(gaps) >= COMES_AND_GOES
             self._recovery = max(self._least, COMES_AND_GOES * max(gaps) if comes_and_goes else 0)
-        return guilty
-
-    @property
-    def newest_is_bad(self) -> bool:
-        """True if the newest message was bad."""
-        return bool(self._history & 1)
+        return finding if guilty else None
 
     def recovers(self, good: bool, steady: bool = True) -> bool:
         """Count good, `steady` messages in a row; tell if the failure is over, and forget it."""
@@ -241,6 +237,7 @@ class Evidence:
         self.written: Optional[Set[str]] = None  # the fields that it knows; None: all
         self.verdict, self.backlog = Verdict(service.checks), Backlog()
         self.rate, self.rate_was_good = _Rate(service), False
+        self.newest_is_bad = False  # be it excused
         self.was_clean = -inf  # when a message came last with which nothing was wrong
         self._checks = service.checks.each
         self._values = [_Value(provision, learned) for provision in checked]
@@ -282,16 +279,16 @@ class Evidence:
             found.append(judge(service.checks.each, self.rate.sample(service.period)))
         return next(filter(None, found), None)
 
-    def weigh(self, message: Message, failed: bool) -> Tuple[bool, Optional[Finding]]:
-        """Tell if a message is good, and which failure it completes; `failed`: after another."""
+    def look(self, message: Message, failed: bool) -> Optional[Finding]:
+        """Return what is wrong with a message, None: nothing is; `failed`: after a failure."""
         found = [*self.findings(message, failed)]  # all look: each remembers what it saw
         finding = next(filter(None, found), None)
+        self.newest_is_bad = finding is not None
         self.was_clean = message.time if finding is None else self.was_clean
         good = finding is None and not failed
         self.stamps.heard(message, good)
         self._form.heard(message, good)
-        guilty = self.verdict.add(finding is not None)
-        return finding is None, finding if guilty else None
+        return finding
 
     def findings(self, message: Message, failed: bool) -> Iterator[Optional[Finding]]:
         """Yield what each check that is due finds wrong with a message."""

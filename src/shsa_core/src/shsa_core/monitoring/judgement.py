@@ -96,10 +96,11 @@ class Judgement:
         row = self._board.substitution(publisher)
         written = row.outputs if row is not None and event.topic in row.topics else None
         publisher.evidence.written = None if written is None else {e.field for e in written}
-        good, failure = publisher.evidence.weigh(event, publisher.state is FAILED)
-        alibi = None if failure is None else self._alibi(publisher, failure)
-        if alibi is not None:
-            good, failure = True, None
+        seen = publisher.evidence.look(event, publisher.state is FAILED)
+        alibi = None if seen is None else self._alibi(publisher, seen)
+        good = seen is None or alibi is not None
+        # What is excused does not count: a little noise beside it would be one bad one too many.
+        failure = publisher.evidence.verdict.add(None if good else seen)
         contradicted = self._compare(publisher, event, good)
         for finding in filter(None, (contradicted if good else None, self._intrusion(publisher))):
             # Who was found wrong before its inputs failed is not excused by that.
@@ -187,7 +188,7 @@ class Judgement:
         replaced = (each.is_healthy and self._board.is_substitute(each) for each in upstream)
         if kind not in (Kind.OUT_OF_RANGE, *LATE) and any(replaced):
             return True
-        bad = (each.evidence.verdict.newest_is_bad for each in upstream)
+        bad = (each.evidence.newest_is_bad for each in upstream)
         return any(bad) or any(each.kind in BY_VALUE for each in upstream)
 
     def _intrusion(self, publisher: Publisher) -> Optional[Finding]:

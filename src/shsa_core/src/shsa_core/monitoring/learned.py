@@ -90,24 +90,25 @@ class StampAges:
 
 
 class Form:
-    """The frames and the lengths of arrays, learned, if it `learns`, of the first messages."""
+    """Learns frames and lengths of arrays, if it `learns`; an empty frame may become any."""
 
     def __init__(self, learns: bool) -> None:
-        self._left = settings.AGES if learns else 0  # messages until it is known
+        self._left = settings.AGES if learns else inf  # messages until it is known
         self._same: Optional[Dict[str, Part]] = None
 
     def samples(self, message: Message) -> Iterator[FormSample]:
         """Yield what a message has otherwise than all of the first good ones."""
-        if self._same is not None and self._left <= 0:
-            for name, part in message.form:
-                if self._same.get(name, part) != part:
-                    yield FormSample(name, part, self._same[name])
+        for name, part in message.form if self._left <= 0 else ():
+            usual = (self._same or {}).get(name, part)
+            if usual != part:
+                yield FormSample(name, part, usual)
 
     def heard(self, message: Message, good: bool) -> None:
-        """Learn from a message that has been judged, if it was `good`."""
-        if good and self._left > 0:
-            known = dict(message.form) if self._same is None else self._same
-            self._same = {name: part for name, part in message.form if known.get(name) == part}
+        """Learn from a message that has been judged, if it was `good`: what varies is not usual."""
+        if good and self._left < inf:
+            form = dict(message.form)
+            before = (form if self._same is None else self._same).items()
+            self._same = {n: part for n, part in before if part != "" and form.get(n, part) == part}
             self._left -= 1
 
 

@@ -210,8 +210,7 @@ class Monitor:
         publisher.watched.come(publisher.name)
         publisher.watched.heard = True
         period, backlog = publisher.service.period or 0.0, publisher.evidence.backlog
-        allowed = publisher.allowed if period else inf
-        if backlog.holds(event.time, event.age, allowed, event.waited, period):
+        if backlog.holds(event.time, event.age, publisher.allowed, event.waited, period):
             return
         good = self._judgement.message(publisher, event, previous)
         if good and teaches and previous is not None:

@@ -1,6 +1,6 @@
 """A derivation's program run over recorded data, as its substitute would have run."""
 import math
-from dataclasses import replace
+from itertools import repeat
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from shsa_core.model.service import Deadlines, Source
 from shsa_core.model.substitution import Program
 from shsa_core.search.derivation import Derivation
 from shsa_core.substitution.settings import SHORTEST_SHARE
-from shsa_learning.recordings.recording import Recording, Series, held
+from shsa_learning.recordings.recording import Recording, Series, held, measured_at, sample_times_of
 
 
 class Played(NamedTuple):
@@ -70,8 +70,10 @@ class Rehearsal:
         step, soonest = compiled.step, self._soonest
         last, latest = -math.inf, math.nan
         found: List[float] = []
-        at = self._moments(sources)[there].tolist() if compiled.timed else [()] * len(there)
-        for now, row, times in zip(self.time[there].tolist(), rows[there].tolist(), at):
+        time = self.time[there]
+        came = [self._moments(source, time) for source in sources]
+        at = sample_times_of(came, time) if compiled.timed else repeat(())
+        for now, row, times in zip(time.tolist(), rows[there].tolist(), at):
             if latest != latest or now - last >= soonest:
                 output = step(row, now, times)
                 latest = math.nan if output is None else output[place]
@@ -80,18 +82,12 @@ class Rehearsal:
         values[there] = found
         return Played(self.time, values, self.measured)
 
-    def _moments(self, sources: Sequence[Source]) -> np.ndarray:
-        """Return when the values of the inputs were measured; those that hold are no newer."""
-        columns: List[Optional[np.ndarray]] = []
-        for source in sources:
-            series = recorded(self._recording, source)
-            if series is None or source.service.period is None:
-                columns.append(None)
-            else:
-                columns.append(held(replace(series, values=series.time), self.time))
-        known = [each for each in columns if each is not None] or [self.time]
-        oldest = np.fmin.reduce(known)
-        return np.stack([oldest if each is None else each for each in columns], axis=1)
+    def _moments(self, source: Source, time: np.ndarray) -> np.ndarray:
+        """Return when the values of an input were measured; NaN: they hold."""
+        series = recorded(self._recording, source)
+        if series is None or source.service.period is None:
+            return np.full(len(time), np.nan)
+        return measured_at(series, time)
 
     def _inputs(self, source: Source) -> np.ndarray:
         if source not in self._held:

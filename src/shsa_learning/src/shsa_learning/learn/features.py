@@ -57,15 +57,13 @@ class Features:
 
     def _make_at_once(self, functions: Sequence[TransferFunction]) -> None:
         """Run terms that remember nothing in one program, where all of them have a value."""
-        inputs = {name: self._table.inputs[name][self.rows] for name in self.names}
-        columns = evaluate_all(functions, {}, self.time, inputs)
+        columns = evaluate_all(functions, {}, self._table.at(self.rows))
         if not np.isfinite(columns).all():
             columns = np.array([self._run(each, self.rows) for each in functions])
         self._made.update(zip((each.text for each in functions), columns))
 
     def _run(self, function: TransferFunction, rows: np.ndarray) -> np.ndarray:
-        inputs = {name: self._table.inputs[name][rows] for name in function.inputs}
-        return evaluate(function, {}, self._table.time[rows], inputs)
+        return evaluate(function, {}, self._table.of(function.inputs).at(rows))
 
 
 def function_of(output: str, text: str, name: str = "term") -> TransferFunction:

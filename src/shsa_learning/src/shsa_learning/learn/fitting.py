@@ -71,7 +71,7 @@ class Model:
         """
         if self.law is not None:
             return self.law.said
-        return evaluate(self.relation, {}, table.time, table.inputs)
+        return evaluate(self.relation, {}, table)
 
 
 def model_of(
@@ -188,7 +188,7 @@ def _relation(
     seen = {name: table.inputs[name][features.rows] for name in names if name in law.names}
     inputs = tuple(seen)
     relation = TransferFunction(LEARNED + table.name, table.name, inputs, law, 1.0, None, text)
-    generated = evaluate(relation, {}, table.time, table.inputs)[features.rows]
+    generated = evaluate(relation, {}, table)[features.rows]
     known = np.isfinite(said)
     both = known & np.isfinite(generated)
     if np.count_nonzero(both) < LEAST_SHARE_OF_ROWS * max(np.count_nonzero(known), 1):

@@ -185,7 +185,7 @@ def _polynomial(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: in
 
 def _network(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: int) -> Formula:
     rows = _spread(len(target), NETWORK_ROWS)
-    means, deviations = _standard(inputs)
+    means, deviations = standard(inputs)
     middle, width = float(np.mean(target)), float(np.std(target)) or 1.0
     network = MLPRegressor(
         (int(recipe.setting),),
@@ -212,7 +212,7 @@ def _network(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: int) 
 def _vectors(recipe: Recipe, inputs: np.ndarray, target: np.ndarray, seed: int) -> Formula:
     """Support vectors, so few that they can be written: the tube is widened until they are."""
     rows = _spread(len(target), VECTOR_ROWS)
-    means, deviations = _standard(inputs)
+    means, deviations = standard(inputs)
     middle, width = float(np.mean(target)), float(np.std(target)) or 1.0
     gamma = 0.5 / inputs.shape[1]
     scaled, wanted = ((inputs - means) / deviations)[rows], ((target - middle) / width)[rows]
@@ -268,7 +268,7 @@ def _changing_sign(inputs: np.ndarray, centres: Sequence[float]) -> List[bool]:
 
 def _centres(inputs: np.ndarray) -> Tuple[float, ...]:
     """Return what to subtract from each input before products: 0 if it is around 0 anyway."""
-    means, deviations = _standard(inputs)
+    means, deviations = standard(inputs)
     return tuple(
         float(f"{mean:.4g}") if abs(mean) > CENTRED * deviation else 0.0
         for mean, deviation in zip(means, deviations)
@@ -301,15 +301,15 @@ def _terms(
 ) -> Terms:
     """Ridge regression on standardised products; the standardisation is folded in again."""
     columns = products(inputs, monomials, centres)
-    means, deviations = _standard(columns)
+    means, deviations = standard(columns)
     ridge = Ridge(alpha=cost * len(target)).fit((columns - means) / deviations, target)
     coefficients = ridge.coef_ / deviations
     intercept = float(ridge.intercept_ - coefficients @ means)
     return Terms(intercept, tuple(coefficients.tolist()), monomials, centres)
 
 
-def _standard(columns: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of each column; 1 for a constant one."""
+def standard(columns: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation of each column; 1 for a constant one."""
     deviations = np.std(columns, axis=0)
     return np.mean(columns, axis=0), np.where(deviations > 0.0, deviations, 1.0)
 

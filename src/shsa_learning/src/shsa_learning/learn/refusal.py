@@ -42,16 +42,8 @@ def of_target(table: Table, outliers: int) -> List[str]:
     if outliers > MANY * len(table.time):
         return [f"{100.0 * outliers / len(table.time):.0f} % of {table.name} are outliers"]
     rows = table.rows()
-    target = table.target[rows]
-    if is_constant(target):
-        return [f"{table.name} is constant ({target[0]:g})"]
-    varies, blocks = excited(target, table.time[rows])
-    if varies < EXCITED_BLOCKS:
-        return [
-            f"{table.name} varies in {varies} of {blocks} blocks of time; "
-            f"{EXCITED_BLOCKS} are the least"
-        ]
-    return []
+    why = too_still(table.target[rows], table.time[rows])
+    return [f"{table.name} {why}"] if why else []
 
 
 class Leak(NamedTuple):
@@ -65,12 +57,8 @@ class Leak(NamedTuple):
 def leaks(table: Table) -> List[Leak]:
     """Return the inputs that tell the target at once, its noise included."""
     known = table.complete
-    found = []
-    for name in table.names:
-        leak = _leak(name, table.inputs[name][known], table.target[known])
-        if leak is not None:
-            found.append(leak)
-    return found
+    found = (_leak(n, table.inputs[n][known], table.target[known]) for n in table.names)
+    return [leak for leak in found if leak is not None]
 
 
 def _leak(name: str, values: np.ndarray, target: np.ndarray) -> Optional[Leak]:
@@ -259,13 +247,15 @@ def _certain(
         yield int(numbers[place]), float(found[place])
 
 
-def excited(values: np.ndarray, time: np.ndarray) -> Tuple[int, int]:
-    """Return in how many blocks of time (s) the values vary, and the number of blocks."""
-    whole, blocks = float(np.std(values)), block_numbers(time, OUTER)
+def too_still(values: np.ndarray, time: np.ndarray) -> str:
+    """Return why values, each at a `time` (s), do not vary enough; empty if they do."""
+    if is_constant(values):
+        return f"is constant ({values[0]:g})" if len(values) else "has no value"
+    least, blocks = EXCITED * float(np.std(values)), block_numbers(time, OUTER)
     numbers = np.unique(blocks)
-    return sum(float(np.std(values[blocks == each])) > EXCITED * whole for each in numbers), len(
-        numbers
-    )
+    varies = sum(float(np.std(values[blocks == each])) > least for each in numbers)
+    told = f"varies in {varies} of {len(numbers)} blocks of time; {EXCITED_BLOCKS} are the least"
+    return told if varies < EXCITED_BLOCKS else ""
 
 
 def is_constant(values: np.ndarray) -> bool:

@@ -1,15 +1,17 @@
 """Recordings as the rows that are learned from: at the times of the target, past samples held"""
 import dataclasses
+import math
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from shsa_core.errors import ModelError, listed
+from shsa_core.model.field import is_angle
 from shsa_core.model.som import Som
 from shsa_learning.learn.inputs import Offer, offer
 from shsa_learning.learn.table import APART_S, Table
-from shsa_learning.recordings.recording import Recording, Series, held, largest_age
+from shsa_learning.recordings.recording import Recording, Series, held, largest_age, measured_at
 
 SHORTEST_PERIOD_S = 0.02
 WINDOW = 5  # values
@@ -80,7 +82,8 @@ def gather(
     notes = [note for each in recordings for note in each.notes]
     notes += [note for each in offers for note in each.notes]
     found = {name: count for name, count in outliers.items() if count}
-    table = _joined(property, names, parts)
+    angles = {name for name in names for each in offers if _turns(each.of(name), som)}
+    table = dataclasses.replace(_joined(property, names, parts), angles=frozenset(angles))
     computed_from = [name for name in names if any(_upstream(name, each, som) for each in offers)]
     return Data(
         table, left_out, tuple(suspicious), found, tuple(notes), tuple(computed_from), tuple(wanted)
@@ -93,10 +96,17 @@ def _upstream(name: str, given: Offer, som: Optional[Som]) -> bool:
     return service is not None and given.of(name).service in service.upstream
 
 
+def _turns(series: Series, som: Optional[Som]) -> bool:
+    """Return whether the SOM says that a series is an angle, which may jump by a turn."""
+    service = som.services.get(series.service) if som is not None else None
+    source = service.source(series.property) if service is not None else None
+    return source is not None and is_angle(source.provision.field)
+
+
 def _part(
     given: Offer, names: Sequence[str], som: Optional[Som], outliers: Dict[str, int]
 ) -> List[np.ndarray]:
-    """Return the times, the target and the inputs of one recording: a column each."""
+    """Return the times, the target, the inputs and their moments: columns of one recording."""
     target = _clean(given.target, outliers)
     # Somewhat less than the period: stamps jitter.
     time = _thinned(target.time, 0.75 * SHORTEST_PERIOD_S)
@@ -104,6 +114,9 @@ def _part(
     for name in names:
         series = _clean(given.of(name), outliers)
         columns.append(held(series, time, largest_age(series, som)))
+    for series in map(given.of, names):
+        holds = largest_age(series, som) == math.inf
+        columns.append(np.full(len(time), np.nan) if holds else measured_at(series, time))
     return columns
 
 
@@ -123,9 +136,10 @@ def _thinned(time: np.ndarray, period: float) -> np.ndarray:
 
 def _joined(property: str, names: Sequence[str], parts: Sequence[List[np.ndarray]]) -> Table:
     steps = np.concatenate([np.diff(part[0]) for part in parts])
-    begin, times = 0.0, []
+    begin, times, moments = 0.0, [], []
     for part in parts:
         times.append(begin + part[0] - part[0][0])
+        moments.append([begin + each - part[0][0] for each in part[len(names) + 2 :]])
         begin = times[-1][-1] + APART_S
     columns = [np.concatenate([part[k] for part in parts]) for k in range(1, len(names) + 2)]
     return Table(
@@ -134,6 +148,7 @@ def _joined(property: str, names: Sequence[str], parts: Sequence[List[np.ndarray
         columns[0],
         dict(zip(names, columns[1:])),
         float(np.median(steps)) if len(steps) else 0.0,
+        dict(zip(names, map(np.concatenate, zip(*moments)))),
     )
 
 

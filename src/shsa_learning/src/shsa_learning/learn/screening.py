@@ -3,16 +3,7 @@ from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from shsa_learning.learn.refusal import (
-    EXCITED_BLOCKS,
-    MANY,
-    SHORTEST_S,
-    duplicates,
-    excited,
-    is_constant,
-    leaks,
-    leak_text,
-)
+from shsa_learning.learn.refusal import MANY, SHORTEST_S, duplicates, leaks, leak_text, too_still
 from shsa_learning.learn.table import Table
 
 LEAST_SHARE = 0.5
@@ -42,8 +33,10 @@ def screened(
     all of it; `asked`: a leak in what somebody asked for is told, and nothing is learned.
     """
     table, left_out = _there(table)
+    rows = table.rows()
     for name in table.names:
-        why = _too_still(table, name)
+        why = too_still(table.inputs[name][rows], table.time[rows])
+        why = f"it {why}" if why else ""
         count = outliers.get(name, 0)
         if count > MANY * len(table.time):
             why = f"{100.0 * count / len(table.time):.0f} % of its values are outliers"
@@ -77,15 +70,3 @@ def _there(table: Table) -> Tuple[Table, Dict[str, str]]:
         left_out[name] = f"it has a value at {share:.0f} % of those of {table.name}"
         table = table.of(tuple(each for each in table.names if each != name))
     return table, left_out
-
-
-def _too_still(table: Table, name: str) -> str:
-    """Return why an input does not vary enough; empty if it does."""
-    rows = table.rows()
-    values = table.inputs[name][rows]
-    if is_constant(values):
-        return f"it is constant ({values[0]:g})" if len(values) else "it has no value"
-    varies, blocks = excited(values, table.time[rows])
-    if varies < EXCITED_BLOCKS:
-        return f"it varies in {varies} of {blocks} blocks of time; {EXCITED_BLOCKS} are the least"
-    return ""

@@ -149,7 +149,8 @@ class Candidates:
             shortlist = self._short.shortlist(rows)
         self._found.clear()
         prepared = Choice(Recipe(MEAN), lags, shortlist, (), ())
-        folds = [_of(rows, fold) for fold in blocked(self.features.time[rows], INNER)]
+        inner = blocked(self.features.time[rows], INNER)
+        folds = [Fold(rows[each.train], rows[each.test]) for each in inner]
         all_ = {recipe: self._errors(recipe, prepared, folds) for recipe in list(self.recipes)}
         errors = {recipe: each for recipe, each in all_.items() if recipe not in self.failed}
         best = min(errors.values(), key=lambda each: float(np.mean(each)))
@@ -227,7 +228,3 @@ def _beside(best: Sequence[float], errors: Sequence[float]) -> Tuple[float, floa
         return np.inf, 0.0
     more = np.subtract(errors, best)
     return float(np.mean(errors)), float(np.std(more, ddof=1) / np.sqrt(len(more)))
-
-
-def _of(rows: np.ndarray, fold: Fold) -> Fold:
-    return Fold(rows[fold.train], rows[fold.test])

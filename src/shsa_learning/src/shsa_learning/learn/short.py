@@ -7,7 +7,7 @@ from sklearn.linear_model import orthogonal_mp_gram
 
 from shsa_learning.learn.evaluation import Knowledge
 from shsa_learning.learn.features import Features
-from shsa_learning.learn.models import MOST_OUTLIERS, OUTLIER
+from shsa_learning.learn.models import MOST_OUTLIERS, OUTLIER, standard
 from shsa_learning.learn.terms import behind_lags, library
 
 MOST_TERMS = 5
@@ -104,9 +104,7 @@ def fitted(terms: Sequence[str], columns: np.ndarray, target: np.ndarray) -> Sum
     """Return the sum of terms that fits best, by least squares."""
     known = np.isfinite(columns).all(axis=1)
     columns, target = columns[known], target[known]
-    means, middle = columns.mean(axis=0), float(np.mean(target))
-    deviations = columns.std(axis=0)
-    scales = np.where(deviations > 0.0, deviations, 1.0)
+    (means, scales), middle = standard(columns), float(np.mean(target))
     found = np.linalg.lstsq((columns - means) / scales, target - middle, rcond=1e-12)[0] / scales
     return Sum(middle - float(found @ means), tuple(found.tolist()), tuple(terms))
 

@@ -1,6 +1,6 @@
 """The rows that are learned from: the target, and what was known of each input at that moment"""
-from dataclasses import dataclass
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from dataclasses import dataclass, field, replace
+from typing import FrozenSet, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -20,7 +20,8 @@ class Table:
 
     `name`: the target's; `time` in s, increasing, also from one recording to the next; `target` and
     each of `inputs` (by property) have a value a row, NaN where there is none; `period`: s between
-    two rows that follow one another.
+    two rows that follow one another. `moments`: when inputs were measured (s), NaN or none: they
+    hold. `angles`: the inputs of which a turn means nothing.
     """
 
     name: str
@@ -28,6 +29,8 @@ class Table:
     target: np.ndarray
     inputs: Mapping[str, np.ndarray]
     period: float
+    moments: Mapping[str, np.ndarray] = field(default_factory=dict)
+    angles: FrozenSet[str] = frozenset()
 
     @property
     def names(self) -> Tuple[str, ...]:
@@ -49,14 +52,25 @@ class Table:
 
     def of(self, names: Tuple[str, ...]) -> "Table":
         """Return the table with these inputs alone."""
-        kept: Dict[str, np.ndarray] = {name: self.inputs[name] for name in names}
-        return Table(self.name, self.time, self.target, kept, self.period)
+        return replace(self, inputs={name: self.inputs[name] for name in names})
+
+    def at(self, rows: np.ndarray) -> "Table":
+        """Return the table with the rows of these numbers alone."""
+        inputs = {name: column[rows] for name, column in self.inputs.items()}
+        moments = {name: self.moments[name][rows] for name in inputs if name in self.moments}
+        time, target = self.time[rows], self.target[rows]
+        return replace(self, time=time, target=target, inputs=inputs, moments=moments)
 
     def rows(self) -> np.ndarray:
         """Return the numbers of complete rows for fits: MAX_ROWS at most, evenly spread."""
         complete = np.flatnonzero(self.complete)
         step = max(1, -(-len(complete) // MAX_ROWS))
         return complete[::step]
+
+
+def inputs_alone(time: np.ndarray, inputs: Mapping[str, np.ndarray]) -> Table:
+    """Return rows without a target, at each `time` (s)."""
+    return Table("", time, np.full(len(time), np.nan), inputs, 0.0)
 
 
 class Fold(NamedTuple):

@@ -1,12 +1,13 @@
 """A recording: what each source said of a property, and when."""
 import builtins
 import math
-from dataclasses import dataclass
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from shsa_core.errors import ShsaError, listed
+from shsa_core.language.memory import sample_times
 from shsa_core.model.service import Deadlines
 from shsa_core.model.som import Som
 
@@ -169,6 +170,17 @@ def held(series: Series, time: np.ndarray, age: float = math.inf) -> np.ndarray:
     known &= time - series.time[np.maximum(place, 0)] <= age + _ROUNDING_S
     values = np.where(known, series.values[np.maximum(place, 0)], np.nan)
     return np.where(np.isfinite(values), values, np.nan)
+
+
+def measured_at(series: Series, time: np.ndarray) -> np.ndarray:
+    """Return when the newest value at each moment of `time` (s) was measured; NaN before any."""
+    return held(replace(series, values=series.time), time)
+
+
+def sample_times_of(moments: Sequence[np.ndarray], time: np.ndarray) -> Iterator[Tuple[float, ...]]:
+    """Yield the `sample_times` of inputs at each `time` (s); NaN: a value that holds."""
+    came = ([None if each != each else each for each in column.tolist()] for column in moments)
+    return map(sample_times, zip(*came), time.tolist())
 
 
 def largest_age(series: Series, som: Optional[Som] = None) -> float:
