@@ -16,7 +16,7 @@ import pytest
 import rospy
 
 from shsa_core.ros import settings
-from shsa_core.ros.processes import heartbeats
+from shsa_core.ros.processes import heartbeats, kernel
 from shsa_core.ros.processes.heartbeats import CUT_OFF, Heart, Sign, Signs
 from shsa_core.ros.processes.kernel import NOBODY, ended, gone, identity
 from shsa_core.ros.processes.watching import Life
@@ -233,6 +233,16 @@ def test_the_one_that_came_last_hears(role: str) -> None:
     assert first.last.get("/test") is None
 
 
+@pytest.mark.parametrize("processors", (0, 100_000))
+def test_a_computer_is_crowded_by_the_processors_that_are_ours(
+    monkeypatch: pytest.MonkeyPatch, processors: int
+) -> None:
+    """As in a container that has some of them."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(processors)))
+    monkeypatch.setattr(os, "cpu_count", lambda: 100_000 - processors)
+    assert kernel.crowded() is not bool(processors)
+
+
 def test_a_process_is_known_by_its_start_as_well() -> None:
     known = identity(os.getpid())
     assert not ended(known) and ended((known[0], known[1] + 1.0))
@@ -327,6 +337,30 @@ def test_who_is_heard_registers_once_with_a_master_that_was_started_anew(
         wait_until(answered, 5.0, "it is answered")
     wait_until(lambda: len(registered) == 2, 5.0, "it has registered with both")
     assert registered[-1] == b"9"
+
+
+def test_who_could_not_register_with_a_new_master_tries_again(
+    role: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heart, answers, tries = Heart(role, Workers("test", 1, lambda _: None)), [b"7"], []
+
+    def register() -> None:
+        tries.append(answers[-1])
+        if len(tries) < 3:
+            raise socket.timeout("the master takes long")
+
+    def beaten() -> bool:
+        heart.beat(at_once=True)
+        return heart.answer == answers[-1] and len(tries) == (3 if len(answers) > 1 else 0)
+
+    monkeypatch.setattr(heartbeats, "register_again", register)
+    Signs(role, lambda: answers[-1])
+    wait_until(beaten, 5.0, "it knows the master")
+    answers.append(b"8")
+    wait_until(beaten, 5.0, "it has registered with the new one")
+    for _ in range(3):
+        heart.beat(at_once=True)
+    assert tries == [b"8"] * 3, "once that is done it does so no more"
 
 
 def test_a_heart_that_is_made_on_the_way_to_a_message_needs_no_thread(

@@ -161,9 +161,9 @@ def waited_in_all(path: str) -> Waits:
 
 
 def crowded() -> bool:
-    """Return whether there are more threads that could run now than processors, if that is told."""
+    """Return whether more threads could run now than we have processors, if that is told."""
     with suppress(OSError), open("/proc/loadavg", encoding="ascii") as file:
-        return int(file.read().split()[3].partition("/")[0]) > (os.cpu_count() or 1)
+        return int(file.read().split()[3].partition("/")[0]) > len(os.sched_getaffinity(0))
     return False
 
 
