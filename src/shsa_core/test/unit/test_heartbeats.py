@@ -339,30 +339,6 @@ def test_who_is_heard_registers_once_with_a_master_that_was_started_anew(
     assert registered[-1] == b"9"
 
 
-def test_who_could_not_register_with_a_new_master_tries_again(
-    role: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    heart, answers, tries = Heart(role, Workers("test", 1, lambda _: None)), [b"7"], []
-
-    def register() -> None:
-        tries.append(answers[-1])
-        if len(tries) < 3:
-            raise socket.timeout("the master takes long")
-
-    def beaten() -> bool:
-        heart.beat(at_once=True)
-        return heart.answer == answers[-1] and len(tries) == (3 if len(answers) > 1 else 0)
-
-    monkeypatch.setattr(heartbeats, "register_again", register)
-    Signs(role, lambda: answers[-1])
-    wait_until(beaten, 5.0, "it knows the master")
-    answers.append(b"8")
-    wait_until(beaten, 5.0, "it has registered with the new one")
-    for _ in range(3):
-        heart.beat(at_once=True)
-    assert tries == [b"8"] * 3, "once that is done it does so no more"
-
-
 def test_a_heart_that_is_made_on_the_way_to_a_message_needs_no_thread(
     role: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,7 +10,6 @@ import socket
 import struct
 import time
 from contextlib import suppress
-from functools import partial
 from typing import Callable, Dict, Iterable, NamedTuple, Optional, Tuple
 
 import rospkg
@@ -19,7 +18,6 @@ import rospy
 from shsa_core.errors import ShsaError
 from shsa_core.ros import settings
 from shsa_core.ros.master.announce import register_again
-from shsa_core.ros.master.node_api import FAILURES
 from shsa_core.ros.trust.places import origin
 from shsa_core.ros.workers import Workers, repeating
 
@@ -82,9 +80,9 @@ class Heart:
             while True:
                 self.answer, self._answered = self._socket.recv(LONGEST_B), now
         if self.answer.isdigit() and self.answer != self._master:
-            former, self._master = self._master, self.answer
-            if former and self._calls:  # maybe nobody had noted that it knew us
-                self._calls.put(partial(self._register, former))
+            if self._master and self._calls:  # maybe nobody had noted that it knew us
+                self._calls.put(register_again)
+            self._master = self.answer
         try:
             self._socket.connect(self._address)  # from now on nobody else can send to us
             self._socket.send(self._name)
@@ -93,13 +91,6 @@ class Heart:
         except OSError:
             return False
         return True
-
-    def _register(self, former: bytes) -> None:
-        try:
-            register_again()
-        except FAILURES:
-            self._master = former  # again at the next heartbeat
-            raise
 
 
 class Signs:

@@ -184,10 +184,10 @@ class Forking:
                 return None
             try:
                 line.send(order, socket.MSG_DONTWAIT)
-                answers = select.poll()
+                answers, prepared = select.poll(), process.pid
                 answers.register(line, select.POLLIN)
                 come = lambda: bool(answers.poll(1000 * settings.TICK_S))
-                kernel.wait_for(lambda: kernel.stopped(process.pid) or come())
+                kernel.wait_for(lambda: kernel.stopped(prepared) or come())
                 pid = int(line.recv(LONGEST_ANSWER_B, socket.MSG_DONTWAIT) or b"0")
             except OSError as error:
                 rospy.logwarn("%s could not be forked: %r", words[-1], error)
