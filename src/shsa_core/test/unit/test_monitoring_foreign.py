@@ -77,16 +77,3 @@ def test_a_publisher_that_was_there_before_healing_is_named_and_not_blamed() -> 
     assert bench.state("/stranger") == "healthy"
     told = [text for text in bench.told if "name it in the SOM" in text]
     assert len(told) == 2, "once for each of its lives"
-
-
-def test_a_second_publisher_that_was_there_is_not_judged_by_the_range_of_the_first() -> None:
-    """Nobody is ended for what the SOM says of another node."""
-    bench = Bench()
-    bench.connect()
-    bench.connect("/stranger")
-    for _ in range(200):
-        bench.stream(1)
-        bench.message(1000.0, "/stranger")
-    assert bench.kinds() == []
-    bench.stream(10, value=1000.0)
-    assert (NODE, "out_of_range") in bench.kinds()

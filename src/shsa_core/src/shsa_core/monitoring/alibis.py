@@ -28,7 +28,7 @@ class Case:
     together: int = 1  # nodes that are late, or out of range, with it, itself included
     confirmed: bool = False  # what others tell is as far out of range
     fed_badly: bool = False  # what it is computed from is at fault as well
-    was_there: bool = False  # unnamed, beside a healthy one, before its topic was watched
+    was_there: bool = False  # it was there before its topic was watched
     robot_came: bool = True  # some node of it was there, or was under a former monitor
 
 
@@ -101,7 +101,7 @@ ROWS = (
     ),
     Row(
         "it was there before its topic was watched: name it in the SOM, or end it",
-        (Kind.UNKNOWN_PUBLISHER, Kind.RATE_HIGH, *_LATE, *BY_VALUE),
+        (Kind.UNKNOWN_PUBLISHER,),
         lambda case: case.was_there,
     ),
     Row(

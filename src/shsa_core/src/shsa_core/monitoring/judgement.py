@@ -173,9 +173,8 @@ class Judgement:
             case = replace(case, paced=blamed or evidence.rate_was_good)
         elif failure.kind is Kind.OUT_OF_RANGE and evidence.outside:
             case = self._around.range(publisher, self._confirms(publisher, evidence.outside))
-        fed_badly = self._is_fed_badly(publisher, failure.kind)
-        was_there = publisher.intruding_since < inf and publisher.name in publisher.topic.there
-        return decide(replace(case, fed_badly=fed_badly, was_there=was_there))
+        there, fed_badly = publisher.topic.there, self._is_fed_badly(publisher, failure.kind)
+        return decide(replace(case, fed_badly=fed_badly, was_there=publisher.name in there))
 
     def _is_fed_badly(self, publisher: Publisher, kind: Kind) -> bool:
         """Tell if what a publisher, unless it is a substitute, computes from has the same fault."""

@@ -4,9 +4,9 @@ Faults of rospy 1.15 to 1.17: it buffers any length that is claimed for a header
 (`read_ros_handshake_header`, `TCPROSTransportProtocol.read_messages`). It waits 60 s for a
 publisher to answer (`ROSHandler._connect_topic`): a node that has the port of a dead one by now
 takes that call for a header, and serves nobody until it ends. It reads each connection in a thread
-that calls back, not saying when one ended, or when a message came. One that was refused, or not
-made in 60 s, stays in `connections`, so that no other is made to that node. Nobody asks for another
-connection in place of one that ended or was refused: who subscribed a table hears no more of it.
+that calls back, not saying when one ended, or when a message came. One that was refused stays in
+`connections`, so that no other is made to that node. Nobody asks for another connection in place of
+one that ended or was refused: who subscribed a table hears nothing of it any more.
 """
 import socket
 import struct
@@ -65,15 +65,6 @@ def ask_in_time() -> None:
     """Have rospy give up a publisher that does not answer in time; call it before `init_node`."""
     patient = lambda uri, **_: node_api(uri, settings.PATIENCE_S)
     masterslave.xmlrpcapi = tcpros_pubsub.ServerProxy = patient
-    connect = tcpros_pubsub.robust_connect_subscriber
-
-    def connect_or_close(transport: Any, *where: Any) -> None:
-        connect(transport, *where)
-        if transport.socket is not None and not transport.header:
-            transport.done = False  # or it would not be closed
-            transport.close()
-
-    tcpros_pubsub.robust_connect_subscriber = connect_or_close
 
 
 def bound_header(transport: Any) -> None:

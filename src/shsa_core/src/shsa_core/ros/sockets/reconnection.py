@@ -20,6 +20,9 @@ from shsa_core.ros.master.node_api import uri_of
 from shsa_core.ros.rospy_patches.subscribing import HandedOver
 from shsa_core.ros.workers import Workers
 
+LEFT_PAUSES = 7
+"""About a minute: whoever advertises a topic anew later is told of by the master."""
+
 
 def refuses(at: str) -> bool:
     """Return whether nobody listens any more at a numeric address.
@@ -93,21 +96,28 @@ class Reconnection:
             self._doubts[topic, uri] = doubt
         return self._settle(self._doubts[topic, uri])
 
+    def is_doubted(self, topic: str, uri: str) -> bool:
+        """Return whether somebody is in doubt."""
+        return (topic, uri) in self._doubts
+
     def _answered(self, doubt: Doubt, willing: Optional[bool], gone: bool = False) -> List[Doubt]:
         if self._doubts.get((doubt.topic, doubt.uri)) is not doubt:
             return []
         doubt.waits, doubt.gone = False, gone
         doubt.tries = doubt.tries if willing else settings.TRIES
         found, connects = self._settle(doubt), doubt.implementation.has_connection(doubt.uri)
-        if found or connects or willing is not False or doubt.left:
+        if found or connects or willing is not False or doubt.left or not doubt.publisher:
             return found
         doubt.left, doubt.until = True, _now() + settings.TURN_S
         return [doubt]
 
     def overdue(self) -> List[Doubt]:
-        """Ask those again who took too long."""
+        """Ask those again who took too long; who never stood is forgotten."""
         now, found = _now(), []
         for doubt in [each for each in self._doubts.values() if each.until <= now]:
+            if not doubt.publisher or (doubt.left and doubt.pauses > LEFT_PAUSES):
+                self._end(doubt)
+                continue
             found += [] if doubt.pauses or doubt.left else [doubt]
             pause = doubled(settings.FIRST_PAUSE_S, doubt.pauses, settings.LONGEST_PAUSE_S)
             doubt.until, doubt.pauses, doubt.tries = now + pause, doubt.pauses + 1, 0
@@ -116,8 +126,8 @@ class Reconnection:
 
     def connected(self, topic: str, publisher: str, uri: str) -> None:
         """Doubt no more who is connected, nor its predecessor."""
-        for doubt in list(self._doubts.values()):
-            if doubt.topic == topic and (uri == doubt.uri or publisher == doubt.publisher):
+        for doubt in [each for each in self._doubts.values() if each.topic == topic]:
+            if uri == doubt.uri or publisher == doubt.publisher:
                 self._end(doubt)
 
     def forget(self, topic: str) -> None:
@@ -132,7 +142,7 @@ class Reconnection:
             return []
         doubt.gone = doubt.gone or (not doubt.pauses and self.is_gone(doubt.at))
         if doubt.gone:
-            return [self._end(doubt)]
+            return [self._end(doubt)] if doubt.publisher else []
         if doubt.tries < settings.TRIES:
             doubt.waits, doubt.tries = True, doubt.tries + 1
             self._workers.put(partial(self._ask, doubt))
@@ -159,8 +169,8 @@ class Reconnection:
         except FAILURES as error:  # who is cut off, or waits for a processor, closes nothing
             willing = None
             gone = not isinstance(error, OSError) or isinstance(error, ConnectionError)
-            if not gone and doubt.pauses and doubt.publisher:
-                with suppress(*FAILURES):  # who is listed no more would count for nobody
+            if not gone and doubt.pauses:  # who is listed no more would count for nobody
+                with suppress(*FAILURES):
                     gone = uri_of(doubt.publisher) != doubt.uri
         finally:  # whatever a strange node answers, it is not willing
             self._tell(doubt.topic, lambda: self._answered(doubt, willing, gone))

@@ -179,8 +179,9 @@ class Subscriptions:
         for connection in list(self._standing.values()):
             if connection.transport is transport:
                 yield from self._lose(connection)
-        lost = topic, transport.endpoint_id, self.topics[topic]
-        yield from self._gone(self._reconnection.lost(*lost))
+        uri = transport.endpoint_id
+        if not transport.header or self._reconnection.is_doubted(topic, uri):
+            yield from self._gone(self._reconnection.lost(topic, uri, self.topics[topic]))
 
     def _take_over(self, topic: str, transport: Any) -> Iterator[Happening]:
         if transport.done or transport.socket is None:
