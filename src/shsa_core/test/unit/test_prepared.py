@@ -204,20 +204,6 @@ def test_one_that_is_stopped_is_passed_by_at_once_and_replaced(bench: Bench) -> 
     assert bench.is_forked(2)
 
 
-def test_one_that_stops_with_an_order_is_not_waited_for(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """No other failure is handled meanwhile."""
-    prepared, looks = bench.ready(), [False]
-    prepared.suspend()
-    wait_until(lambda: prepared.status() == psutil.STATUS_STOPPED, 5.0, "it is stopped")
-    stopped = kernel.stopped
-    monkeypatch.setattr(kernel, "stopped", lambda pid: looks.pop() if looks else stopped(pid))
-    begun = time.monotonic()
-    assert bench.forking.start(["standby", "__name:=substitute_a_1"], {}) is None
-    assert time.monotonic() - begun < 0.5 * settings.PATIENCE_S and not looks
-
-
 def test_an_order_that_was_given_up_is_never_carried_out(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,6 @@
 import json
 import os
 import resource
-import select
 import shutil
 import signal
 import socket
@@ -183,12 +182,11 @@ class Forking:
             if line is None or process is None or len(order) > LARGEST_ORDER_B:
                 return None
             try:
+                if kernel.stopped(process.pid):
+                    raise BlockingIOError("the prepared process is stopped")
+                line.settimeout(settings.PATIENCE_S)
                 line.send(order, socket.MSG_DONTWAIT)
-                answers, prepared = select.poll(), process.pid
-                answers.register(line, select.POLLIN)
-                come = lambda: bool(answers.poll(1000 * settings.TICK_S))
-                kernel.wait_for(lambda: kernel.stopped(prepared) or come())
-                pid = int(line.recv(LONGEST_ANSWER_B, socket.MSG_DONTWAIT) or b"0")
+                pid = int(line.recv(LONGEST_ANSWER_B) or b"0")
             except OSError as error:
                 rospy.logwarn("%s could not be forked: %r", words[-1], error)
                 self._line, pid = None, 0
